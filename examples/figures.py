@@ -33,7 +33,7 @@ def indenter():
     """The contact of the first velocity."""
     scene = gc.read_scene(EXAMPLES / "indenter.toml")
     case = scene.case({name: values[0] for name, values in scene.axes.items()})
-    return gc.plot.plot_sliding(slide_case(case), case.rough, case.velocity)
+    return gc.plot.plot_sliding(slide_case(case), case.surface, case.velocity)
 
 
 def sweep(name, *shown):

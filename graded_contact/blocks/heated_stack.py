@@ -1,54 +1,13 @@
 """A block whose temperature varies with depth."""
 
 import dataclasses
-from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core.display import shown
 from ..materials.material import Elastic
 from .stack import HalfSpace, Layer, Stack, is_graded
-
-
-@shown()
-class HeatedContact(eqx.Module):
-    """The temperatures of a heated contact.
-
-    **Fields:**
-
-    - `stack`: the block in thin layers, each at its temperature; for `heat_source`. With
-      `strain_per_slope` its strain amplitude is that of the slope in contact.
-    - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
-    - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
-    - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
-    - `error`: change of the temperatures in the last step over the largest rise [1].
-    - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
-      and by the finite number of cells.
-    - `counterface`, `counterface_rises`: the counterface and its rises as those of the block, or
-      None if it is rigid.
-    """
-
-    stack: Stack
-    surface_rise: Float[Array, ""]
-    rises: Float[Array, " cells"]
-    edges: Float[Array, " edges"]
-    error: Float[Array, ""]
-    friction_error: Float[Array, ""]
-    area_error: Float[Array, ""]
-    counterface: Stack | None = None
-    counterface_rises: Float[Array, " cells"] | None = None
-
-
-def check_bulk(temperature: Any) -> Any:
-    """Returns the bulk temperature; raises `ValueError` for None."""
-    if temperature is None:
-        raise ValueError(
-            "`temperature=None` is refused with `heating`: give the bulk temperature [K]."
-        )
-    return temperature
 
 
 def check_heated(name: str, stack: Stack) -> None:

@@ -30,7 +30,7 @@ app = typer.Typer(
 )
 
 
-def explore(
+def open_page(
     scene_file: Annotated[
         Path | None, typer.Argument(metavar="[SCENE.toml]", help="Scene file (default: the demo).")
     ] = None,
@@ -85,8 +85,9 @@ def cache_folder() -> Path:
     return Path(root) / "graded_contact" / name
 
 
-for job in (demo, run, info, fit, explore):
+for job in (demo, run, info, fit):
     app.command()(job)
+app.command("explore")(open_page)
 
 
 def run_command() -> None:

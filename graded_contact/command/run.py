@@ -97,7 +97,7 @@ def run_into(
     with refusing():
         folder.mkdir(parents=True, exist_ok=True)
         check_same_scene(file, scene)
-        typer.echo("\n".join(filter(None, (scene.title, *scene.case(scene.first).rough.history))))
+        typer.echo("\n".join(filter(None, (scene.title, *scene.case(scene.first).surface.history))))
         store = folder / f"{name}.points"
         results = run_scene(scene, store=store, workers=workers, progress=True)
         write_results(file, results)
@@ -118,11 +118,16 @@ def check_same_scene(file: Path, scene: Scene) -> None:
     """Raises `ValueError` if a file has results of a scene that differs in more than its axes."""
     if not file.exists():
         return
-    tables = (tomllib.loads(text) for text in (read_results(file).attrs["scene"], scene.text))
-    earlier, now = ({k: v for k, v in t.items() if k not in VARIED} for t in tables)
+    earlier, now = map(_fixed_tables, (read_results(file).attrs["scene"], scene.text))
     if earlier != now:
         differ = ", ".join(f"[{k}]" for k in {**earlier, **now} if earlier.get(k) != now.get(k))
         raise ValueError(f"{file} has results of a scene with another {differ}: give an --output.")
+
+
+def _fixed_tables(text: str) -> dict[str, Any]:
+    tables = tomllib.loads(text)
+    tables["surface"].pop("seeds", None)  # an axis, too
+    return {name: table for name, table in tables.items() if name not in VARIED}
 
 
 def write_csv(path: Path, results: "Dataset") -> None:
@@ -157,6 +162,6 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     fields = fields.rename(contact_pressure="pressure")
     if scene.motion is None:
         found: Any = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
-        yield "contact", plot.plot_sliding(found, case.rough, case.velocity)
+        yield "contact", plot.plot_sliding(found, case.surface, case.velocity)
     else:
-        yield "film", plot.plot_film(fields, case.rough)
+        yield "film", plot.plot_film(fields, case.surface)

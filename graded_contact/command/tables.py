@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.display import UNKNOWN, unit_of, with_error
 from ..core.quantities import CYCLE, STEADY, TRANSIENT, in_brackets
-from ..plot.sweeps import SEED_ERROR, over_seeds, place_of
+from ..plot.sweeps import SEED_ERROR, common_numbers, over_seeds
 from ..sliding.number import warnings_of
 from ..sliding.result import RESULTS
 
@@ -43,7 +43,7 @@ def print_results(results: "Dataset", full: bool = False) -> None:
     Over seeds a row has means ± their standard errors. Numbers of a transient motion belong
     to its end. A solve that did not converge has no numbers here.
     """
-    shown, heading = results, place_of(results)
+    shown, heading = results, common_numbers(results)
     if "time" in results.dims:
         shown = results.isel(time=-1)
     if "seed" in results.dims:
@@ -51,7 +51,7 @@ def print_results(results: "Dataset", full: bool = False) -> None:
         heading += f"\nMeans of {results.sizes['seed']} surfaces ± standard error."
     if heading:
         print(heading.strip())
-    table = table_of(shown, full)
+    table = results_table(shown, full)
     print(table.to_string(line_width=WIDTH, index=table.columns.name is not None))
     for sentence in warnings_in(results):
         print(f"Warning: {sentence}")
@@ -60,7 +60,7 @@ def print_results(results: "Dataset", full: bool = False) -> None:
         print(f"{np.sum(message == text)} of {message.size} solves: {text}")
 
 
-def table_of(results: "Dataset", full: bool) -> "DataFrame":
+def results_table(results: "Dataset", full: bool) -> "DataFrame":
     """Returns the table of solves: the index are the axes, each number has its error."""
     import pandas
 
@@ -74,8 +74,8 @@ def table_of(results: "Dataset", full: bool) -> "DataFrame":
     names = [name for name in names if not name.endswith(("_error", SEED_ERROR))]
     if not full:
         names = [name for name in MAIN if name in names and INSTEAD.get(name) not in names]
-    table = pandas.DataFrame(dict(column_of(results, name) for name in names))
-    heads = [column_of(results, axis) for axis in varied]
+    table = pandas.DataFrame(dict(result_column(results, name) for name in names))
+    heads = [result_column(results, axis) for axis in varied]
     widths = [max(map(len, (head, *cells))) for head, cells in heads]
     rows = zip(*((head, *cells) for head, cells in heads), strict=True)
     lines = ["  ".join(text.rjust(n) for text, n in zip(row, widths, strict=True)) for row in rows]
@@ -84,7 +84,7 @@ def table_of(results: "Dataset", full: bool) -> "DataFrame":
     return table
 
 
-def column_of(results: "Dataset", name: str) -> tuple[str, list[str]]:
+def result_column(results: "Dataset", name: str) -> tuple[str, list[str]]:
     """Returns the head of a column, and a number with its error for each solve.
 
     Units suit the size of the largest number.

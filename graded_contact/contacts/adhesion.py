@@ -16,17 +16,17 @@ import jax.numpy as jnp
 
 from ..core.checks import check_positive, check_values, scalar
 from ..core.display import shown
-from .law import AbstractLaw, Bound, indicator_of_gap, power, proximal_root, repulsive_bracket
-from .operators.operator import Field, Scalar
+from .law import AbstractLaw, Bound, SmoothLaw, power, proximal_root, repulsive_bracket
+from .operators.operator import Scalar
 
 
 @shown(units=False)
-class AdhesiveLJ(AbstractLaw):
+class AdhesiveLJ(SmoothLaw):
     """The Lennard-Jones potential integrated over two half spaces: σ = (8w/3ε) [(ε/u)⁹ - (ε/u)³].
 
     The work against it from u = ε to infinity is w; its greatest tension, 1.03 w/ε, is at
-    u = 1.20 ε. A point is in contact where u < `contact_gap` ε; with 1, where it is compressed. The
-    contact of Johnson, Kendall & Roberts, with tension inside its edge, is that of 1.2.
+    u = 1.20 ε. A point is in contact where u < `contact_gap` ε; with 1, where it is compressed;
+    with 1.2 as Johnson, Kendall & Roberts have it, with tension inside its edge.
 
     **Fields:**
 
@@ -61,23 +61,16 @@ class AdhesiveLJ(AbstractLaw):
     def in_units(self, pressure: Bound, length: Bound) -> "AdhesiveLJ":
         return AdhesiveLJ(self.range / length, self.work / (pressure * length), self.contact_gap)
 
-    def pressure_at(self, gap: Field) -> Field:
-        """Returns σ(u) [Pa]."""
-        return self._pressure_and_slope(gap / self.range)[0]
-
     def _pressure_and_slope(self, t):
         (near, d_near), (far, d_far) = power(t, 9), power(t, 3)
         return self._scale * (near - far), self._scale * (d_near - d_far)
 
     def proximal(self, v):
-        # t⁻³ <= t⁻⁹/2 + (2/3)^(3/2), so the root lies right of that of half the repulsion.
+        # t⁻³ <= t⁻⁹/2 + (2/3)^(3/2), so the root lies right of the root for half the repulsion.
         shifted = v + (2 / 3) ** 1.5 * self._scale
         low, _ = repulsive_bracket(shifted, self._scale / 2, self.range)
         _, high = repulsive_bracket(v, self._scale, self.range)
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 16)
-
-    def contact_indicator(self, pressure, gap, stiffness):
-        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
 @shown(units=False)
@@ -120,7 +113,7 @@ class ExponentialAdhesion(AbstractLaw):
             pull = tension * jnp.exp(-t)
             return -pull, pull
 
-        # Where the gap is closed the root is not needed; that of another v serves.
+        # Where the gap is closed the root is not needed; the root of another v serves.
         pulled = jnp.where(closed, -tension - self.range, v)
         low, high = -(pulled + tension) / self.range, -pulled / self.range
         y = proximal_root(pressure_and_slope, self.range, pulled, low, high, 12)

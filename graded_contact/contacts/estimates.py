@@ -30,7 +30,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .adjoint import LinearSplitting, State, response
+from .adjoint import State, response
 from .operators.operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
 from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, softness
 
@@ -38,8 +38,7 @@ from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, so
 # 30`).
 _SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
 _ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
-_LINEAR = LinearSplitting(max_steps=4000)
-_LINEAR_RTOL = 0.1
+_LINEAR_RTOL, _LINEAR_STEPS = 0.1, 4000
 
 
 def penalty_at(inputs: Inputs, found: SolverOutput) -> Scalar:
@@ -101,7 +100,7 @@ def _response_of(inputs: Inputs, found: SolverOutput):
     missing = None if load is None else load - operator.mean(y)
     rtol = jnp.asarray(_LINEAR_RTOL, y.dtype)
     s = slope(law.proximal, y - law_gap)
-    return response(operator, s, jnp.zeros_like(y), -mismatch, missing, _LINEAR, rtol)
+    return response(operator, s, jnp.zeros_like(y), -mismatch, missing, rtol, _LINEAR_STEPS)
 
 
 def _offset(operator, s, solid_gap, otherwise):
@@ -161,7 +160,7 @@ def _changed_gap(inputs: Inputs, found: SolverOutput, change: Field):
     """The gap [m] after a change of the pressure.
 
     The approximate inverse makes long waves of the change too large. So springs support the solid
-    between the points of contact. Their stiffness is that of the solid in the shape of the gap,
+    between the points of contact. They are as stiff as the solid in the shape of the gap,
     times the share of points in contact.
     """
     operator, law, penalty = _scaled(inputs, found)
@@ -171,7 +170,7 @@ def _changed_gap(inputs: Inputs, found: SolverOutput, change: Field):
     bent = jnp.mean(operator.bending_energy(law_gap))
     fixed = jnp.mean(s) * bent / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
-    # The waves of the pressure before the change are those of its displacement, computed above.
+    # The waves of the pressure before the change follow from its displacement, computed above.
     waves = operator.to_waves(found.pressure) + operator.to_waves(change)
     waves = operator.compliance * waves - operator.to_waves(before)
     moved = operator.to_field(free * waves, before.shape)

@@ -58,7 +58,7 @@ class AbstractLaw(eqx.Module):
     def contact_indicator(self, pressure: Field, gap: Field, stiffness: Bound) -> Field:
         """Returns how far points are inside contact (> 0) or outside (< 0) [Pa], 0 at the edge.
 
-        Outside, `stiffness` [Pa/m] turns gaps beyond that of the edge to pressures.
+        Outside, `stiffness` [Pa/m] turns gaps beyond the edge's to pressures.
         """
 
 
@@ -86,6 +86,12 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw, hint: str = 
     allowed = f"the law allows mean pressures between {low:g} and {high:g} Pa"
     below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < np.inf else None
     check_values("pressure", pressure, allowed, above=low, at_most=below)
+
+
+def depth_of_flow(law: AbstractLaw, pressure: Array, gap: Array) -> Array:
+    """Returns the gap, below 0, where the body flows, and 0 elsewhere."""
+    limit = law.bounds[1] * (1 - 8 * jnp.finfo(pressure.dtype).eps)  # known to rounding
+    return jnp.where(pressure < limit, 0, gap)
 
 
 @shown(units=False)
@@ -128,15 +134,28 @@ def never_overlaps(law: AbstractLaw) -> bool:
     return isinstance(law, HardWall) and law.hardness is None
 
 
-def indicator_of_gap(law, pressure, gap, stiffness):
-    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
-    edge = law.contact_gap * law.range
-    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
-    return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
+class SmoothLaw(AbstractLaw):
+    """A law whose pressure is a function of the gap; in contact where u < `contact_gap` ε."""
+
+    range: eqx.AbstractVar[Scalar]
+    contact_gap: eqx.AbstractVar[Scalar]
+
+    @abstractmethod
+    def _pressure_and_slope(self, t: Array) -> tuple[Array, Array]:
+        """The pressure [Pa] at the gap εt, and its derivative by t."""
+
+    def pressure_at(self, gap: Field) -> Field:
+        """Returns σ(u) [Pa]."""
+        return self._pressure_and_slope(gap / self.range)[0]
+
+    def contact_indicator(self, pressure, gap, stiffness):
+        edge = self.contact_gap * self.range
+        gap, pressure = gap - edge, pressure - self.pressure_at(edge)
+        return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
 
 
 @shown(units=False)
-class RepulsiveLJ(AbstractLaw):
+class RepulsiveLJ(SmoothLaw):
     """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
 
     The first term of `AdhesiveLJ`, p being 8w/3ε, as used for contact without adhesion by B. N. J.
@@ -164,10 +183,6 @@ class RepulsiveLJ(AbstractLaw):
     def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
         return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)
 
-    def pressure_at(self, gap: Field) -> Field:
-        """Returns σ(u) [Pa]."""
-        return self._pressure_and_slope(gap / self.range)[0]
-
     def _pressure_and_slope(self, t):
         force, slope = power(t, 9)
         return self.pressure * force, self.pressure * slope
@@ -175,9 +190,6 @@ class RepulsiveLJ(AbstractLaw):
     def proximal(self, v):
         low, high = repulsive_bracket(v, self.pressure, self.range)
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
-
-    def contact_indicator(self, pressure, gap, stiffness):
-        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
 def power(t, n: int):
@@ -189,7 +201,7 @@ def power(t, n: int):
 
 
 def repulsive_bracket(v, pressure, range):
-    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2: those of v = 0, v << 0, v >> 0."""
+    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2, from v = 0, v << 0, v >> 0."""
     rest = (pressure / range) ** 0.1  # t at v = 0
     pressed = v > 0
     force = jnp.where(pressed, v, 0)  # each branch must be finite where the other one holds
@@ -203,7 +215,7 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high].
 
     Newton's method from `low`, bisecting where it would leave the bracket, except in the last two
-    steps. Derivatives of every order are those of the root.
+    steps. Derivatives of every order belong to the root.
     """
 
     def newton(t):

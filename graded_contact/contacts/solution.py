@@ -45,8 +45,7 @@ class RESULTS(eqx.Enumeration):
     )
     inaccurate_kernel = (
         "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "
-        "too sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`, "
-        "or cut it by `sliced`."
+        "too sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`."
     )
     gap_unresolved = (
         "Pressure, friction and contact area have converged, but gaps may be wrong by more than a "
@@ -115,12 +114,12 @@ class ContactSolution(eqx.Module):
     - `mean_pressure`: mean of σ [Pa].
     - `mean_gap`: mean of the gap ū [m], counted as 0 where the body flows (`hardness`); prescribe
       the mean of `gap`, which is below 0 there. Of a periodic motion one for each time.
-    - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
+    - `correction`: estimated change of the pressure to the exact contact [Pa], see
       `contacts/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
       pressure. Under a law that attracts it may exceed `rtol` two or three times, near a jump more.
-    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
-      `displacement` and `mean_gap` are no larger.
+    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1];
+      `displacement` and `mean_gap` have no larger errors.
     - `num_steps`: iterations on the full grid.
     - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
     - `result`: a member of `RESULTS`.

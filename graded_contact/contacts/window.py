@@ -6,16 +6,16 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core.compilation import compiled
-from .law import Windowed
-from .operators.window import inside, with_ground
+from .law import Windowed, depth_of_flow
+from .operators.window import with_ground
 from .solution import ContactSolution
 from .solver.abstract_solver import Inputs, Loading
 
 
-def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None):
-    """Returns the inputs of the contact on the cell of a window, and its start and solution.
+def on_whole(inputs: Inputs, start: Array | None) -> tuple[Inputs, Array | None]:
+    """Returns the inputs of the contact on the cell of a window, and its start.
 
-    The gap of the loading is that of the undeformed block.
+    The gap of the loading belongs to the undeformed block.
     """
     operator, heights, law, loading = inputs
     if loading.gap is None:  # the mean over the cell, of which the window is a part
@@ -23,8 +23,7 @@ def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None)
     else:
         operator = with_ground(operator, heights.shape)
     inputs = Inputs(operator, operator.on_cell(heights, "symmetric"), Windowed(law), loading)
-    start = None if start is None else operator.on_cell(start)
-    return inputs, start, None if known is None else _known_on_whole(known, inputs)
+    return inputs, None if start is None else operator.on_cell(start)
 
 
 @compiled
@@ -32,26 +31,9 @@ def on_part(found: ContactSolution, inputs: Inputs) -> ContactSolution:
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
     pressure, gap, moved, correction = map(inputs.operator.on_surface, fields)
-    opened = jnp.where(pressure < inputs.law.bounds[1], gap, 0)  # 0 where the body flows
+    opened = gap - depth_of_flow(inputs.law, pressure, gap)
     moved = moved - jnp.mean(moved)  # of zero mean on the window
     return dataclasses.replace(
         found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
         mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(opened),
     )  # fmt: skip
-
-
-@compiled
-def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
-    """The contact on the cell of a window's contact: around it, its pressure's displacement."""
-    operator, heights = inputs.operator, inputs.heights - jnp.mean(inputs.heights)
-    pressure = operator.on_cell(known.pressure)
-    # Nothing is known of the gap around the window but that this pressure opens it.
-    own, offset = operator.displace(pressure), inputs.loading.gap
-    if offset is None:
-        offset = jnp.mean(known.gap) - jnp.mean(operator.on_surface(own))
-    within = inside(pressure.shape)
-    gap = jnp.where(within, operator.on_cell(known.gap), own - heights + offset)
-    displacement, correction = gap + heights - offset, operator.on_cell(known.correction)
-    return dataclasses.replace(
-        known, pressure=pressure, gap=gap, displacement=displacement, correction=correction
-    )

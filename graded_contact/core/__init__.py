@@ -1,4 +1,4 @@
-"""What all rooms share: refusals, parameters by path, quantities, programs, memory."""
+"""Shared by all rooms: refusals, parameters by path, quantities, programs, memory."""
 
 from .compilation import jit
 from .memory import keep_freed_memory

@@ -93,7 +93,7 @@ compiled = functools.partial(jit, small=WITHOUT_LOOPS)
 class _OneThread:
     """Limits LAPACK to one thread while any program runs, and restores its limit afterwards.
 
-    Its threads wait for one another by turning: beside other processes small systems, as those of
+    Its threads wait for one another by turning: beside other processes small systems, as in
     Newton steps, take ten times as long.
     """
 
@@ -123,7 +123,7 @@ def _lapack() -> ThreadpoolController:
 
 
 class _Fixed(eqx.Module):
-    """What a program returns besides arrays."""
+    """A result of a program that is no array."""
 
     value: Any = eqx.field(static=True)
 

@@ -1,7 +1,7 @@
 """Derivatives in programs of their own, which compile in less time; and what has no derivative.
 
 JAX takes no options for the programs of a derivative outside `jit`: a first gradient of a contact
-would take three times as long. So the programs of the value are those of the value alone, and the
+would take three times as long. So the value has the programs that it has alone, and the
 derivative is one more, which computes again only what it needs. For JAX it is a linear primitive.
 """
 

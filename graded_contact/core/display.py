@@ -29,7 +29,7 @@ PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 class _Shown(NamedTuple):
-    """What a class prints: its fields and others by name, whether with units and those unset."""
+    """How a class prints: names of fields and others, with or without units and unset ones."""
 
     names: tuple[str | EllipsisType, ...]
     units: bool
@@ -86,7 +86,7 @@ def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[
 
 
 def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
-    """Title and value of what an object prints; a number and its error share a line."""
+    """Titles and values that an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
     named = getattr(value, "_fields", None)  # of a named tuple
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}

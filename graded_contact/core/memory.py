@@ -1,4 +1,4 @@
-"""Memory: estimates before anything is allocated, and what a process keeps for its next fields.
+"""Memory: estimates before anything is allocated, and freed memory that a process keeps.
 
 Each kind of solve takes a number of fields as large as the heights, and the compiler the same
 amount for every grid. The numbers are upper limits of the peaks of whole processes that were

@@ -116,7 +116,7 @@ _OF_RESULTS = _by_name(
     ("stress_variance", "Pa²", "variance of the pressure"),
     ("cutoff", "rad/m", "cut-off of the roughness"),
     ("offset", "m", "offset of the middle of the contact"),
-    ("elasticities", "1", "relative change of the objective over that of the parameter"),
+    ("elasticities", "1", "relative changes of the objective over the parameter's"),
 )
 
 # Kinds of contacts: steady sliding, a periodic motion, and a transient motion.
@@ -126,7 +126,7 @@ STEADY, CYCLE, TRANSIENT = ("steady", "cycle", "transient")
 NUMBERS: dict[str, Quantity] = {}
 
 
-# The pressure of an axis comes before that of a field.
+# The pressure of an axis comes before the pressure field.
 _ALL = _PARAMETERS | _OF_RESULTS | FIELDS
 
 

@@ -4,8 +4,8 @@ Axis 0 is x (the default direction of sliding), axis 1 is y. A field of shape `(
 half spectrum `(nx, ny//2 + 1)` of `rfftn`; a one-dimensional cell `(nx,)` has `(nx//2 + 1,)`.
 Wavevectors are angular, q = 2π k/L [rad/m]. On a Nyquist line both signs of that component of q are
 the same mode, so what is odd in it (a derivative) vanishes there. Of a response that depends on the
-direction the real part of the mean of both signs is taken: then the half spectrum is Hermitian,
-that of a real operator, and its resolvent that of this operator's.
+direction the real part of the mean of both signs is taken: then the half spectrum is
+Hermitian, it belongs to a real operator, and its resolvent to the resolvent of this operator.
 """
 
 import functools

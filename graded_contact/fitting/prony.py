@@ -85,7 +85,7 @@ class AbstractFit(eqx.Module):
 
         Outside the measured frequencies (of times, their reciprocals) and temperatures the limits
         are NaN: nothing was measured there. The logarithms of E' and E'' are linearised about the
-        unknowns; those of shifts are included. Limits assume that the errors scatter about a
+        unknowns, shifts included. Limits assume that the errors scatter about a
         series of this length, with neighbours as correlated as the residuals show. Where storage
         and loss contradict each other, the true material may lie outside the limits.
         """

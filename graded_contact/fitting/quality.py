@@ -1,8 +1,8 @@
 """How well a series is known: covariance of its unknowns, errors, report (NumPy).
 
-The covariance is that of a Gauss-Newton fit, C = H⁻¹ Gᵀ V G H⁻¹ with H = Gᵀ G and G = ∂ ln m/∂θ.
-V is the covariance of the errors: each channel has its own size, and neighbours at a distance of k
-points have the correlation ρ^k.
+A Gauss-Newton fit has the covariance C = H⁻¹ Gᵀ V G H⁻¹ with H = Gᵀ G and G = ∂ ln m/∂θ. V is the
+covariance of the errors: each channel has its own size, and errors at a distance of k points have
+the correlation ρ^k.
 
 The residuals are smaller and less alike than the errors, because the fit follows the errors in
 part. ρ therefore has the restricted likelihood, of the combinations of the data that no change of

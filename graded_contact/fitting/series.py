@@ -7,7 +7,7 @@ strengths,
 
 with a basis φ for each kind of measurement and `static` columns B for strengths without a time:
 E_eq of moduli; 1/E_inf and, for a liquid, the fluidity 1/η of compliances. The unknowns are
-logarithms, θ = (s, ln τ, c), so that strengths are positive by construction; those of the shifts of
+logarithms, θ = (s, ln τ, c), so that strengths are positive by construction; the shifts of
 isotherms follow (`shifts`). A known E_eq is not part of θ.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the

@@ -6,7 +6,7 @@ transform is M(q, ω = -is). On a hyperbola around all relaxation rates, for t0 
     K(q, t) = Re Σ_k w_k M(q, -i s_k) exp(s_k t),
 
 whatever the layers and their laws are: a node k is one equation y' = s_k y + p of first order. The
-nodes are those of Weideman & Trefethen in closed form; the angle is the best of a row. 32 of them
+nodes follow Weideman & Trefethen in closed form; the angle is the best of a row. 32 of them
 leave errors of an exponential of any rate, relative to its start, of 1e-8, 6e-7, 1e-5, 8e-5 for
 T/t0 = 1e2, 1e3, 1e4, 1e5. Eight more for each two decades beyond keep them below 3e-4, up to 64
 nodes for 1e12 (`tests/sliding/test_slide_transient.py`). For one time alone 14 are enough for
@@ -31,9 +31,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, moduli_of
+from ..blocks.stack import GradedLayer, HalfSpace, Layer, Rigid, Stack, moduli_of
 from ..core.checks import is_concrete
-from ..core.compilation import compiled_loop
+from ..core.compilation import compiled, compiled_loop
 from ..core.derivative import derivative_apart, still
 from ..response.compliance import compliance_or_nan, compliance_parts
 from ..response.grading import check_profiles, graded_tolerance
@@ -43,7 +43,7 @@ _FEWEST, _NODES_OF_STEP = 32, 14
 LONGEST = 1e12  # longest time over shortest: rounding of a double moves the shortest step by 1e-4
 _WAVES = 64  # wavenumbers in the table; five decades of them leave 1e-7
 _ANGLES = np.linspace(np.pi / 4, np.pi / 2, 402)[1:-1]
-_CHECKED = 24  # times at which the memory is compared with that of a single time
+_CHECKED = 24  # times at which the memory is compared with one made for a single time
 
 
 class Contour(NamedTuple):
@@ -118,7 +118,7 @@ def creep_of(
     """
     check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
     _check_analytic(stack, steps)
-    tolerance = graded_tolerance(stack, None, ends)
+    tolerance = graded_tolerance(stack, ends)
     return _creep(stack, ends, steps, tolerance, coupled, node_count(steps))
 
 
@@ -126,28 +126,34 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
     """Raises `ValueError` for a law of moduli that is not analytic in ω, if it is known."""
     if not all(map(is_concrete, jax.tree.leaves((stack, steps)))):
         return
-    omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
     for part in (*stack.layers, stack.base):
-        if isinstance(part, GradedLayer):
-            name, own = "profile", part.profile
-            law = partial(own, jnp.asarray(0.5, steps.dtype))
-        elif isinstance(part, Layer | HalfSpace):
-            name, own = "material", part.material
-            law = partial(moduli_of, own)
-        else:
+        if isinstance(part, Rigid) or _is_analytic(part, steps):
             continue
-        # Along the imaginary axis the derivative is i times as large.
-        along, across = (
-            jax.jvp(lambda w, law=law: [m + 0 * w for m in law(w)], (omega,), (way + 0 * omega,))[1]
-            for way in (1, 1j)
+        name = "profile" if isinstance(part, GradedLayer) else "material"
+        raise ValueError(
+            f"`{name}={type(getattr(part, name)).__name__}(...)` is refused: transient motion "
+            "needs moduli at complex frequencies, and this law is not analytic there. Write it "
+            "with 1j*omega, without |omega|, sign or real part; or fit it: "
+            "`fit_prony(omega, modulus)`."
         )
-        pairs = zip(along, across, strict=True)
-        if any(bool(jnp.any(jnp.abs(b - 1j * a) > 1e-3 * jnp.abs(a) + 1e-30)) for a, b in pairs):
-            raise ValueError(
-                f"`{name}={type(own).__name__}(...)` is refused: transient motion needs moduli at "
-                "complex frequencies, and this law is not analytic there. Write it with 1j*omega, "
-                "without |omega|, sign or real part; or fit it: `fit_prony(omega, modulus)`."
-            )
+
+
+@compiled
+def _is_analytic(part: GradedLayer | Layer | HalfSpace, steps: Array) -> Array:
+    omega = -1j * contour(jnp.min(steps), jnp.sum(steps), 8).nodes
+    if isinstance(part, GradedLayer):
+        law = partial(part.profile, jnp.asarray(0.5, steps.dtype))
+    else:
+        law = partial(moduli_of, part.material)
+    # Along the imaginary axis the derivative is i times as large.
+    along, across = (
+        jax.jvp(lambda w: [m + 0 * w for m in law(w)], (omega,), (way + 0 * omega,))[1]
+        for way in (1, 1j)
+    )
+    near = [
+        jnp.abs(b - 1j * a) <= 1e-3 * jnp.abs(a) + 1e-30 for a, b in zip(along, across, strict=True)
+    ]
+    return jnp.all(jnp.stack(near))
 
 
 @derivative_apart
@@ -176,22 +182,24 @@ def _creep(
         over = (part, part / s[:, None], part / (s**2 * step)[:, None])
         return [jnp.sum(each.real, axis=1) for each in over]
 
-    kernels = weights[:, None] * compliance(q, nodes)
-    _, creep, now = (jnp.moveaxis(part, 1, 0) for part in jax.lax.map(of_step, steps))
-    aged = jax.lax.map(of_step, jnp.cumsum(steps))[1][:, 0]
-    # What the long hyperbola and the interpolation leave, from the shortest time to the whole one.
+    # Between the wavenumbers the interpolation is compared with what it stands for.
+    beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
+    middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)
+    kernels = weights[:, None] * compliance(jnp.concatenate([q, middle]), nodes)
+    kernels, between = kernels[..., :_WAVES], kernels[0, :, _WAVES:]
+    # What the long hyperbola leaves, from the shortest time to the whole one.
     times = jnp.exp(jnp.linspace(jnp.log(shortest), jnp.log(whole), _CHECKED))
-    exact, _, reached = (part[:, 0] for part in jax.lax.map(of_step, times))
+    alone = jax.lax.map(of_step, jnp.concatenate([steps, jnp.cumsum(steps), times]))
+    ends = [len(steps), 2 * len(steps)]
+    creep, now = (jnp.moveaxis(part[: ends[0]], 1, 0) for part in alone[1:])
+    aged = alone[1][ends[0] : ends[1], 0]
+    exact, reached = alone[0][ends[1] :, 0], alone[2][ends[1] :, 0]
     by_nodes = jnp.sum((kernels[0] * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)
     longest = aged[-1]
     kernels, now, creep, aged = (part / longest for part in (kernels, now, creep, aged))
     found = Creep(log_q, longest, nodes, kernels, now, creep, aged, error)
-    # Between the wavenumbers.
-    beside = jnp.cos(angle[::7] + np.pi / 2 / _WAVES) * (log_q[1] - log_q[0]) / 2
-    middle = jnp.exp(jnp.mean(log_q) + beside).astype(q.dtype)
-    exact = weights[:, None] * compliance(middle, nodes)[0]
-    known = found.kernels[0] @ (middle * found.shares(middle)).astype(exact.dtype)
-    between = jnp.max(jnp.abs(known / exact - 1))
-    return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + between))
+    known = found.kernels[0] @ (middle * found.shares(middle)).astype(between.dtype)
+    missed = jnp.max(jnp.abs(known / between - 1))
+    return eqx.tree_at(lambda c: c.error, found, jax.lax.stop_gradient(error + missed))

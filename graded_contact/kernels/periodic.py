@@ -40,9 +40,9 @@ def periodic_kernel(
     - `period`: T [s], positive.
 
     **Returns:** the kernel, frequencies in the order of an FFT on the first axis, 0 at q = 0; real
-    if every material is elastic. The rules on Nyquist lines are those of `in_motion`.
+    if every material is elastic. Nyquist lines are treated as in `in_motion`.
     """
-    rtol = graded_tolerance(stack, None, grid.size)
+    rtol = graded_tolerance(stack, grid.size)
     check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
     return _kernel(stack, grid, num_times, period, rtol)
@@ -82,7 +82,7 @@ def of_period(
 def quadrant(grid: Grid) -> tuple[Array, Array]:
     """Returns |q| of the positive components in one vector, and where it is not 0 in their shape.
 
-    At 0 it is that of the lowest wave.
+    At 0 it is |q| of the lowest wave.
     """
     numbers = [np.arange(n // 2 + 1) for n in grid.shape]
     lowest = 2 * np.pi / grid.size

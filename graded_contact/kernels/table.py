@@ -3,9 +3,9 @@
 The compliance of a graded or long stack is expensive, but smooth: for sliding along x, log(q M_zz)
 is analytic in log q_x and log q_y (Re M_zz > 0 keeps the logarithm on its branch), and polynomials
 through Chebyshev nodes converge geometrically (L. N. Trefethen, Approximation Theory and
-Approximation Practice, SIAM 2013, ch. 8). With the values at the nodes in a matrix L, those of the
-whole grid are A_x L A_yᵀ: two matrix products. The lines q_x = 0 and q_y = 0 are one more node in
-each direction. The error is measured at wavevectors of the grid that are not nodes.
+Approximation Practice, SIAM 2013, ch. 8). With the values at the nodes in a matrix L, the values on
+the whole grid are A_x L A_yᵀ: two matrix products. The lines q_x = 0 and q_y = 0 are one more node
+in each direction. The error is measured at wavevectors of the grid that are not nodes.
 """
 
 from collections.abc import Callable
@@ -97,7 +97,7 @@ def barycentric(place: Array, count: int) -> Array:
     angle = np.pi * (np.arange(count) + 0.5) / count
     weight = (1 - 2 * (np.arange(count) % 2)) * np.sin(angle)
     distance = place[:, None] - jnp.cos(angle).astype(place.dtype)
-    # At a node the formula is 0/0: the row is that of the identity.
+    # At a node the formula is 0/0: the row is a row of the identity.
     share = weight / jnp.where(distance == 0, 1, distance)
     share = jnp.where(jnp.any(distance == 0, axis=1, keepdims=True), distance == 0, share)
     return share / jnp.sum(share, axis=1, keepdims=True)

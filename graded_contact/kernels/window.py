@@ -2,14 +2,14 @@
 
 The displacement of a window of length L under a pressure on the same window needs Green's function
 G only for distances up to L along each axis. So a cell of twice the length does (Hockney's method):
-its periodic kernel has G and the images of G, those of the loads 2L, 4L, ... away,
+its periodic kernel has G and its images, which belong to the loads 2L, 4L, ... away,
 
     K = M on the cell 2L  -  F[images],      images(x) = Σ_{m≠0} G(x + 2Lm),  |x| <= L.
 
 Images are smoother than G: the nearest load is at least L away. They are computed on a cell many
 windows long with few points to the window, and interpolated by a cubic spline. Two errors remain:
-that of the long cell's own images, estimated by those of a cell half as long, and that of its
-few points, estimated by half as many. The second one matters where a block relaxes
+the long cell has images of its own (estimated by a cell half as long), and it has few points
+(estimated by half as many). The second one matters where a block relaxes
 slowly: the track that a load leaves behind is not smooth across the motion.
 
 The entry at q = 0 holds the mean of G so that G vanishes far away. This gives the approach of an

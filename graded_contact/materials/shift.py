@@ -230,7 +230,7 @@ class TabulatedShift(AbstractShift):
         return dataclasses.replace(self, reference=temperature)
 
     def _change(self, values, temperature):
-        """What `values` gain from the reference to `temperature`; NaN outside, if traced."""
+        """The change of `values` from the reference to `temperature`; NaN outside, if traced."""
         temperature = as_scalar(temperature, "temperature")
         self._check_covered("temperature", temperature)
         coldest, hottest = self.temperatures[0] - NEAR, self.temperatures[-1] + NEAR

@@ -1,8 +1,8 @@
 """Strain softening: filled rubber is softer at larger strain amplitude (Payne's effect).
 
 A strain sweep gives the factors f(ε) of E' and g(ε) of E''. The modulus at one amplitude is used as
-that of a linear solid. (Factors that are the same at every frequency obey the relation of Kramers
-and Kronig only if f = g.)
+the modulus of a linear solid. (Factors that are equal at every frequency obey the relation of
+Kramers and Kronig only if f = g.)
 
 Source of the effect: A. R. Payne, J. Appl. Polym. Sci. 6 (1962) 57,
 doi:10.1002/app.1962.070061906.
@@ -37,7 +37,8 @@ class StrainSoftening(AbstractMaterial):
     """A material whose modulus depends on the strain amplitude, E = f(ε) E' + i g(ε) E''.
 
     The logarithms of f and g are interpolated by monotone cubics in log ε; outside the table f and
-    g are those of its ends. Poisson's ratio and the shift with temperature are the material's.
+    g keep the values at its ends. Poisson's ratio and the shift with temperature are the
+    material's.
 
     **Fields:**
 
@@ -92,7 +93,7 @@ def _if_equal(storage: Array, loss: Array) -> Array:
         raise ValueError(
             f"`StrainSoftening` with the factors {storage:.4g} of E' and {loss:.4g} of E'' is "
             "refused: a transient motion needs one factor, since with two the modulus at complex "
-            "frequencies is that of no causal solid. Give `loss=storage`."
+            "frequencies belongs to no causal solid. Give `loss=storage`."
         )
     return jnp.where(equal, storage, jnp.nan)
 

@@ -38,7 +38,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..blocks.heated_stack import check_bulk
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import (
@@ -65,8 +64,6 @@ from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
-from ..surfaces.statistics import isotropic_spectrum
-from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
@@ -191,14 +188,13 @@ def mean_field_friction(
     return reached(solution, rtol) if throw else solution
 
 
-def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) -> MeanField:
+def mean_field_of(case: Case, spectrum: Spectrum, **options: Any) -> MeanField:
     """Returns the mean field of a case of steady sliding.
 
     **Arguments:**
 
     - `case`: with a pressure and a velocity.
-    - `spectrum`: of `mean_field_friction`; None for the `surface` of the case: a spectrum, or a
-      surface, whose spectrum is averaged over directions.
+    - `spectrum`: of its surface, see `mean_field_friction`.
     - `options`: arguments of `mean_field_friction`, also in place of numbers of the case.
 
     **Raises:** `ValueError` for a case with another law of contact than a hard wall.
@@ -210,13 +206,11 @@ def mean_field_of(case: Case, spectrum: Spectrum | None = None, **options: Any) 
         "counterface",
     )  # fmt: skip
     given: dict[str, Any] = {name: getattr(case, name) for name in names} | options
-    rough: Any = case.surface if spectrum is None else spectrum
-    waves = isotropic_spectrum(rough) if isinstance(rough, Surface) else rough
-    return mean_field_friction(case.stack, waves, **given)
+    return mean_field_friction(case.stack, spectrum, **given)
 
 
 def _checked(field: FieldInputs, acting) -> FieldInputs:
-    """What a mean field is integrated from; `acting` are shear, temperature and heat."""
+    """The inputs of a mean field, checked; `acting` are shear, temperature and heat."""
     shear, temperature, heating = acting
     stack, pressure = field.stack, field.pressure
     if field.counterface is not None:
@@ -240,7 +234,7 @@ def _checked(field: FieldInputs, acting) -> FieldInputs:
                 "`heating` is refused with `own_roughness` and a `counterface`, which then "
                 "takes a part of the heat, which is not followed."
             )
-        stack = stack.at(check_bulk(temperature))
+        stack = stack.at(temperature)
     return dataclasses.replace(field, stack=stack, pressure=load)
 
 
@@ -284,7 +278,7 @@ def _rules(field, correction, num_wavenumbers, num_angles) -> Rules:
 
 
 def _by_quadrature(rules: Rules, given, heating: Heating | None):
-    """What `_integrated` returns, and the temperatures of the scales."""
+    """The results of `_integrated`, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     # The longest wave at the last angle has the lowest frequency.

@@ -43,7 +43,7 @@ from .roughness import joined_edges, root_density, root_narrowing, turn_of
 
 
 class FieldInputs(eqx.Module):
-    """What a mean field is integrated from.
+    """The inputs of a mean field.
 
     Block, spectra of the track and of the block itself, pressure, velocity, the strain amplitude
     per slope or None, and the counterface or None.
@@ -137,7 +137,7 @@ def _progress(averages, lengths, rule, correction):
 def _rates(field, speed, q, state, angle):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
     along, offset = angle
-    tolerance = graded_tolerance(field.stack, None, q)
+    tolerance = graded_tolerance(field.stack, q)
     q = q[:, None, None]
 
     def response(q, omega, of_counterface, state):
@@ -148,7 +148,7 @@ def _rates(field, speed, q, state, angle):
         if field.counterface is None:
             return found
         counterface = _softened(field.counterface, strain)
-        tolerance_of = graded_tolerance(counterface, None, q)
+        tolerance_of = graded_tolerance(counterface, q)
         return found + surface_compliance_unchecked(counterface, q, of_counterface, tolerance_of)
 
     def relative_to(amplitude, omega, of_counterface):
@@ -183,7 +183,7 @@ def _share(part, friction):
 
 
 def _error(ends, product):
-    """The largest relative error of friction and area; `product` is that of rounding's size."""
+    """The largest relative error of friction and area; `product` has the size of rounding."""
     result, fewer_angles, fewer_wavenumbers = ends
 
     def change(other):

@@ -19,7 +19,7 @@ from ..mean_field.mean_field import mean_field_of
 from ..scenes.scene import Scene
 from ..sliding import Case, slide_case
 from ..surfaces import isotropic_spectrum
-from .numbers import middle_of, numbers_of
+from .numbers import middle_point, varied_numbers
 
 PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 SPEEDS, DECADES = 25, 3.0  # of a curve, to both sides of the velocity of the scene
@@ -46,7 +46,7 @@ class Curves:
     **Fields:**
 
     - `scene`: as it was read.
-    - `numbers`: that vary, see `numbers_of`.
+    - `numbers`: that vary, see `varied_numbers`.
     - `surface`: of the contacts.
     - `kind`: of the contacts, one of `SHOWN`.
     - `has_curve`: whether there is a mean field: of steady sliding of one periodic surface with a
@@ -54,9 +54,9 @@ class Curves:
     """
 
     def __init__(self, scene: Scene):
-        self.scene, self.numbers = scene, numbers_of(scene)
-        first = scene.case(middle_of(scene))
-        self.surface = first.rough
+        self.scene, self.numbers = scene, varied_numbers(scene)
+        first = scene.case(middle_point(scene))
+        self.surface = first.surface
         self.kind = "transient" if first.times is not None else "cycle"
         self.kind = "steady" if scene.motion is None else self.kind
         self.has_curve = self.kind == "steady" and _has_mean_field(first)
@@ -83,7 +83,7 @@ class Curves:
     def case(self, values: Values) -> Case:
         """Returns the case of values, which JAX may trace, or raises `ValueError`."""
         point = {path: value for name, value in values.items() for path in self.numbers[name].paths}
-        return self.scene.case(middle_of(self.scene) | point)
+        return self.scene.case(middle_point(self.scene) | point)
 
     def curve(self, values: Values) -> Curve | None:
         """Returns the curve of the mean field, if there is one."""
@@ -127,7 +127,7 @@ class Curves:
 def _has_mean_field(case: Case) -> bool:
     hard = isinstance(case.law, HardWall) and case.law.hardness is None
     pressed = case.pressure is not None and bool(np.any(case.velocity))
-    rough = case.rough.periodic and case.rough.grid.ndim == 2
+    rough = case.surface.periodic and case.surface.grid.ndim == 2
     return hard and pressed and rough and case.block_surface is None
 
 

@@ -75,9 +75,9 @@ class Number(NamedTuple):
         return float(f"{value * self.factor:.6g}")
 
 
-def numbers_of(scene: Scene) -> dict[str, Number]:
+def varied_numbers(scene: Scene) -> dict[str, Number]:
     """Returns the numbers that a page varies, by their names: loads, then numbers of the bodies."""
-    document, middle = tomlkit.parse(scene.text).unwrap(), middle_of(scene)
+    document, middle = tomlkit.parse(scene.text).unwrap(), middle_point(scene)
     values = {name: float(at) for name, at in middle.items() if name not in NOT_VARIED}
     of_bodies = paths(scene.bodies)
     for path, number in of_bodies.items():
@@ -88,16 +88,16 @@ def numbers_of(scene: Scene) -> dict[str, Number]:
             values.setdefault(name, float(number))
     found: dict[Place, list[str]] = {}
     for name in values:
-        found.setdefault(place_of(document, name), []).append(name)
+        found.setdefault(keys_of(document, name), []).append(name)
     return {n[0]: number_at(place, tuple(n), values[n[0]]) for place, n in found.items()}
 
 
-def middle_of(scene: Scene) -> dict[str, Any]:
+def middle_point(scene: Scene) -> dict[str, Any]:
     """Returns the point in the middle of the axes of a scene."""
     return {name: values[len(values) // 2] for name, values in scene.axes.items()}
 
 
-def place_of(document: dict[str, Any], name: str) -> Place:
+def keys_of(document: dict[str, Any], name: str) -> Place:
     """Returns the keys of a number in the tables of a scene, also of one left out there."""
     for table in ("sweep", "load"):
         if name in document.get(table, {}):

@@ -8,7 +8,7 @@ import numpy as np
 import tomlkit
 
 from ..scenes.scene import Scene, parse_scene
-from .numbers import numbers_of
+from .numbers import varied_numbers
 
 
 def save(scene: Scene, values: Mapping[str, float], path: Path) -> None:
@@ -31,7 +31,7 @@ def with_numbers(scene: Scene, values: Mapping[str, float], folder: Path) -> str
     paths do not lead to its files from `folder`.
     """
     document: Any = tomlkit.parse(scene.text)
-    changed = {name: n for name, n in numbers_of(scene).items() if values[name] != n.value}
+    changed = {name: n for name, n in varied_numbers(scene).items() if values[name] != n.value}
     for name, number in changed.items():
         *way, last = number.place
         table = document
@@ -40,7 +40,7 @@ def with_numbers(scene: Scene, values: Mapping[str, float], folder: Path) -> str
         if not isinstance(last, int) or last < len(table):
             table[last] = values[name]
     text = tomlkit.dumps(document)
-    again = {name: n.value for name, n in numbers_of(parse_scene(text, folder)).items()}
+    again = {name: n.value for name, n in varied_numbers(parse_scene(text, folder)).items()}
     # A number that is 0 has no slider.
     kept = {name: np.isclose(again.get(name, 0.0), values[name]) for name in changed}
     lost = [number.label for name, number in changed.items() if not kept[name]]

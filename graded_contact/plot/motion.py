@@ -9,7 +9,7 @@ from ..core.display import unit_of, with_time, with_unit
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
 from .style import PAGE, entitle, figure_of, finished, mosaic_of, panels
-from .sweeps import MOVING, draw_line, lines_of, place_of, plot_sweep, shown_in
+from .sweeps import MOVING, common_numbers, draw_line, lines_of, plot_sweep, shown_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,7 +57,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset", *, axes: Any = None) -> "Figure
         panel.set_xlabel("time over the period")
     area.set(ylabel=share.label, ylim=(0, None))
     figure = figure_of(loop)
-    entitle(figure, place_of(results))
+    entitle(figure, common_numbers(results))
     return figure
 
 

@@ -13,7 +13,7 @@ ROUNDED = 0.02  # of a step: how far equally spaced positions may be rounded
 
 
 class Heights(NamedTuple):
-    """The heights in a file, in its own units; None for what the file does not state.
+    """The heights in a file, in its own units; None where the file does not state a number.
 
     **Fields:**
 

@@ -97,7 +97,7 @@ def understood(
 
 @dataclasses.dataclass
 class _Search:
-    """What is not clear of a table, and the options that would make it clear."""
+    """The open questions about a table, and the options that answer them."""
 
     table: DataTable
     quantities: Mapping[str, Heading]

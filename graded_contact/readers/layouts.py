@@ -119,7 +119,7 @@ def likely_layout(lines: Mapping[int, str]) -> dict[str, Any]:
 
 def _section(lines, rows, above: Sequence[int], run: Sequence[int], spaced: bool) -> Section:
     """The table in `run`; `spaced` if its cells have only spaces between them, as words have."""
-    head: list[int] = []  # the line of names, and that of units below it
+    head: list[int] = []  # the line of names, and the line of units below it
     for number in reversed(above):
         row = rows[number]
         if len(row) != len(rows[run[0]]) or numbers_in(row) or len(head) == 2:

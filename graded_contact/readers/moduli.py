@@ -115,7 +115,7 @@ def read_strain_sweep(
     """Returns strain amplitudes ε [1] and the factors f of E' and g of E'' [1] in a strain sweep.
 
     They are what `materials.StrainSoftening` takes: `StrainSoftening(rubber, *read_strain_sweep(
-    "sweep.csv"))`. The factors are relative to the smallest strain. Strains are those of the file:
+    "sweep.csv"))`. The factors are relative to the smallest strain. Strains are read as they stand:
     halve a peak-to-peak amplitude.
 
     **Arguments:** as in `read_moduli`; columns of strain (% or 1), moduli in tension or shear.

@@ -187,7 +187,7 @@ def climb_through(
 def scan_layers(step, face: Any, layers: tuple[Any, ...], *, reverse: bool) -> Any:
     """Returns `face` after the steps through `layers`, arrays with the layers on a first axis.
 
-    The carry of a scan keeps its shapes and dtypes: it has from the start those of its end.
+    The carry of a scan keeps its shapes and dtypes: it begins with the ones that it ends with.
     """
     like = stable_shape(lambda face: step(face, jax.tree.map(lambda part: part[0], layers)), face)
     # A derivative computes a step again: to store and load its numbers takes longer.

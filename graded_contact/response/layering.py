@@ -208,7 +208,7 @@ def _missed(part: GradedPart, place: Callable[[Array], Array]) -> Array:
 
     missed = 0.0
     for inside, ends in zip(numbers(_FINEST), numbers(_ENDS), strict=True):
-        # Beside a step all polynomials are wrong, in a smooth profile that of four values is.
+        # Beside a step all polynomials are wrong, in a smooth profile the one of four values is.
         wrong, rough = (
             jnp.max(jnp.abs(ends - jnp.tensordot(_to_ends(count, inside.dtype), inside, 1)), axis=0)
             for count in (8, 4)

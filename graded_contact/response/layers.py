@@ -6,7 +6,7 @@ the traction on the base. Then, with Q, G, P of `slab` and in one unit,
 
     M_zz = Φ = Σ_i [v_iᵀ Q_i v_i + 2 v_iᵀ P_i w_i - w_iᵀ G_i w_i] + v_0ᵀ c_0 v_0,
 
-and the derivative of M_zz by any property is that of Φ at fixed v and w: a sum over layers. It
+and M_zz has the derivative of Φ at fixed v and w by any property: a sum over layers. It
 costs a second sweep, downwards, for v and w.
 """
 

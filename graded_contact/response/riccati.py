@@ -61,7 +61,7 @@ class Riccati(AbstractGradedSolver):
         def found(step):
             return climb(partial(self._add, step=step))
 
-        # The tolerance is that of a step; errors of steps add up.
+        # The solver has a tolerance for a step; errors of steps add up.
         step = rtol / 30
         values = found(step)
         rough = jax.lax.stop_gradient(found(10 * step))
@@ -205,7 +205,7 @@ def _rates(numbers, modulus, poisson, reference, inverse):
 def _in_both_modes(forward, backward, given):
     """Returns `backward(given)`, with derivatives by either in the mode that it has.
 
-    The map of tangents is linear, and JAX gets its transpose as that of the solution of a linear
+    The map of tangents is linear; JAX transposes it as the solution of a linear
     system: (b, 0) -> (0, L b), transposed (0, c) -> (Lᵀ c, 0).
     """
     given, rest = eqx.partition(given, eqx.is_inexact_array)

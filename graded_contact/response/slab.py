@@ -13,7 +13,7 @@ sums of decaying exponentials in x = q d, so that no term grows for thick slabs.
 differences of thin slabs are series, so that no terms cancel. The determinant of c is computed
 separately: for a free laminate c11 c22 - c12² has no correct digit.
 
-The factors are those of the quasi-static Navier equations (the paper's slab matrices M1 to M4
+The factors follow from the quasi-static Navier equations (the paper's slab matrices M1 to M4
 for constant ν, rearranged); `docs/theory/response.md` derives them.
 """
 

@@ -1,6 +1,6 @@
 """Displacement and stress inside a stack under a wave of surface traction.
 
-Axes, signs and the traction are those of `compliance`: z and displacement into the solid, fields
+Axes, signs and the traction are as in `compliance`: z and displacement into the solid, fields
 exp(i(q·x + ωt)), the traction acting on the solid at its surface. Stress is positive in tension,
 so that under a pressure p the surface has σ_zz = -p, and under a traction T it has σ_iz = -T_i.
 
@@ -27,8 +27,6 @@ from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
-    as_scalar,
-    check_shape,
     check_values,
     is_concrete,
 )
@@ -38,7 +36,7 @@ from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
 from .compliance import wavevectors
 from .downwards import Side, depth_climb
-from .grading import checked_velocity, graded_tolerance, solve_graded
+from .grading import graded_tolerance, solve_graded
 from .layering import Layering
 
 
@@ -65,7 +63,6 @@ def interior_fields(
     depth: Numbers,
     *,
     side: Side = "below",
-    rtol: float | None = None,
 ) -> InteriorFields:
     """Returns displacement and stress in a stack, for one wave of surface traction per entry.
 
@@ -79,10 +76,11 @@ def interior_fields(
     - `depth`: z [m] below the surface, from 0 down to the bottom, or any on a half space.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump. Pass the
       exact values of `interface_depths`.
-    - `rtol`: tolerance in graded layers, of stresses relative to the traction at the surface, and
-      of displacements as the stresses that they cause; by default that of the stack. If it is
-      not reached, an error is raised. Fields that have decayed below `rtol` have no correct
-      digits. Fields in graded layers are by `Layering`, whatever the solver of the stack is.
+
+    The tolerance in graded layers is that of the stack, of stresses relative to the traction at the
+    surface, and of displacements as the stresses that they cause. If it is not reached, an error is
+    raised. Fields that have decayed below it have no correct digits. Fields in graded layers are by
+    `Layering`, whatever the solver of the stack is.
 
     **Returns:** complex amplitudes, `(*w)` being the shape to which all arguments broadcast.
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.
@@ -92,23 +90,18 @@ def interior_fields(
     if traction.shape[-1:] != (3,):
         raise ValueError(f"`traction` has shape {traction.shape}; its last axis must be (x, y, z).")
     check_values("traction", traction, "a traction [Pa] must be finite")
-    depth = _inside(stack, depth)
-    rtol = graded_tolerance(stack, rtol, qx)
-    return _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol)
+    depth = checked_depth("depth", stack, depth)
+    return _interior_fields(stack, qx, qy, omega, traction, depth, side)
 
 
+@compiled
 def stress_field(
-    stack: Stack,
-    grid: Grid,
-    pressure: Numbers,
-    depth: Numbers,
-    velocity: Numbers = 0.0,
-    *,
-    traction: Numbers | None = None,
-    side: Side = "below",
-    rtol: float | None = None,
-) -> InteriorFields:
+    stack: Stack, grid: Grid, pressure: Array, depth: Array, velocity: Array,
+    traction: Array | None = None, side: Side = "below",
+) -> InteriorFields:  # fmt: skip
     """Returns displacement and stress at one depth under pressure and traction on a periodic cell.
+
+    Arguments are not checked.
 
     **Arguments:**
 
@@ -117,42 +110,22 @@ def stress_field(
     - `pressure`: on the surface [Pa], positive in compression, shape of the grid.
     - `depth`: z [m], one number.
     - `velocity`: of the pressure over the block [m/s], as in `stack_kernel`.
-    - `traction`: tangential force per area that acts on the block's surface [Pa], such as that of
+    - `traction`: tangential force per area that acts on the block's surface [Pa], such as
       friction along the velocity: of the shape of the grid (along x), or with a last axis `(x, y)`.
       None for no traction.
-    - `side`, `rtol`: as in `interior_fields`.
+    - `side`: as in `interior_fields`.
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
-    displacement, which belongs to the mean gap, is left out, and so is that of the mean traction.
+    displacement, under the mean pressure or traction, belongs to the mean gap and is left out.
     Nyquist lines are treated as in `stack_kernel`, with which the surface's displacement agrees.
     """
-    pressure, depth = as_float(pressure, "pressure"), as_scalar(depth, "depth")
-    check_shape("pressure", pressure, grid.shape)
-    check_values("pressure", pressure, "a pressure [Pa] must be finite")
-    velocity = checked_velocity(stack, grid, velocity)
-    depth = _inside(stack, depth)
-    rtol = graded_tolerance(stack, rtol, pressure)
-    if traction is not None:
-        traction = as_float(traction, "traction")
-        with_axes = traction.ndim > grid.ndim
-        check_shape("traction", traction, (*grid.shape, 2) if with_axes else grid.shape)
-        check_values("traction", traction, "a traction [Pa] must be finite")
-    return _stress_field(stack, grid, pressure, traction, depth, velocity, side, rtol)
+    waves = stress_waves(stack, grid, pressure, traction, depth, velocity, side)
+    return _as_fields([to_field(jnp.asarray(one), grid.shape) for one in waves])
 
 
-def von_mises(stress: Numbers) -> Float[Array, "*w"]:
-    """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses, s their deviator.
-
-    **Arguments:**
-
-    - `stress`: σ [Pa], real, shape `(..., 3, 3)`.
-
-    **Returns:** von Mises stress [Pa], shape `(...)`.
-    """
-    stress = as_float(stress, "stress")
-    if stress.shape[-2:] != (3, 3):
-        raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
+def von_mises(stress: Float[Array, "*w 3 3"]) -> Float[Array, "*w"]:
+    """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses [Pa], s their deviator."""
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
     squared = 1.5 * jnp.sum(deviator**2, axis=(-2, -1))
@@ -161,9 +134,9 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared)))
 
 
-def _inside(stack: Stack, depth: Array) -> Array:
+def checked_depth(name: str, stack: Stack, depth: Array) -> Array:
     """Returns `depth`, refused above the surface and below the bottom."""
-    check_values("depth", depth, "a depth [m] is zero (the surface) or positive", at_least=0)
+    check_values(name, depth, "a depth [m] is zero (the surface) or positive", at_least=0)
     if isinstance(stack.base, HalfSpace):
         return depth
     bottom = interface_depths(stack)[-1]
@@ -171,13 +144,13 @@ def _inside(stack: Stack, depth: Array) -> Array:
     bottom = bottom * (1 + 16 * jnp.finfo(depth.dtype).eps)
     if is_concrete(bottom):
         allowed = f"the block ends at {float(bottom):g} m, below which there is nothing"
-        check_values("depth", depth, allowed, at_most=float(bottom))
+        check_values(name, depth, allowed, at_most=float(bottom))
         if is_concrete(depth):
             return depth
-    return eqx.error_if(depth, depth > bottom, "A `depth` lies below the bottom of the block.")
+    return eqx.error_if(depth, depth > bottom, f"`{name}` lies below the bottom of the block.")
 
 
-def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
+def _fields(stack, qx, qy, omega, traction, depth, side):
     """Returns (u_x, u_y, u_z, σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) and ν/(1 - ν) at the depth."""
     q = jnp.hypot(qx, qy)
     a, b = qx / q, qy / q
@@ -202,6 +175,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
         known = [jnp.where(a > 0, a, 1) for a in map(jnp.maximum, least, sizes(*values))]
         return jnp.maximum(*map(jnp.divide, sizes(*differences), known))
 
+    rtol = graded_tolerance(stack, qx)
     if not isinstance(stack.graded_solver, Layering):
         stack = dataclasses.replace(stack, graded_solver=Layering())
     (t, s, shear, u, w, v), _ = solve_graded(climb, measure, stack, q, omega, rtol, throw=True)
@@ -225,25 +199,19 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
 
 
 @compiled
-def _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol):
+def _interior_fields(stack, qx, qy, omega, traction, depth, side):
     rank = max(qx.ndim, traction.ndim - 1, depth.ndim)
     lift = lambda x: x.reshape((1,) * (rank - x.ndim) + x.shape)  # noqa: E731
     traction = [lift(traction[..., i]) for i in range(3)]
     qx, qy, omega, depth = (lift(x) for x in (qx, qy, omega, depth))
-    found, _ = _fields(stack, qx, qy, omega, traction, depth, side, rtol)
+    found, _ = _fields(stack, qx, qy, omega, traction, depth, side)
     return _as_fields(found)
 
 
-@compiled
-def _stress_field(stack, grid, *given):
-    waves = stress_waves(stack, grid, *given)
-    return _as_fields([to_field(jnp.asarray(one), grid.shape) for one in waves])
-
-
-def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below", rtol=None) -> list:
+def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below") -> list:
     """Returns the spectra of (u_x, u_y, u_z, σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) at a depth.
 
-    Arguments as of `stress_field`, unchecked.
+    Arguments as of `stress_field`.
     """
     loads = {2: pressure}  # by axis
     if traction is not None:
@@ -260,7 +228,7 @@ def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below",
     units = [one * np.reshape([i == j for j in loads], (-1,) + (1,) * qx.ndim) for i in range(3)]
     qx, qy, omega = (x[None] for x in (qx, qy, omega))
     depth = depth.reshape((1,) * qx.ndim)
-    found, lateral = _fields(stack, qx, qy, omega, units, depth, side, rtol)
+    found, lateral = _fields(stack, qx, qy, omega, units, depth, side)
     means = zip(*(_means(axis, lateral.ravel()[0]) for axis in loads), strict=True)
     spectra = [to_spectrum(load) for load in loads.values()]
 

@@ -35,7 +35,7 @@ class Below(NamedTuple):
 def base_face(base: Any, like: Array) -> Face:
     """Returns the state of the face of a base of `Column`, of the shape and dtype of `like`."""
     none, one = jnp.zeros_like(like), jnp.ones_like(like)
-    # A rigid base has no compliance; that of a free face is infinite: n = 0, and det = 1.
+    # A rigid base has no compliance, a free face an infinite one: n = 0, and det = 1.
     if isinstance(base, Rigid):
         return Face(Below(one, Compliance(none, none, none, none), one, none), one, one)
     if isinstance(base, Free):
@@ -59,8 +59,8 @@ def _half_space(reduced: Array, e: Array) -> Face:
 def met(face: Face, reduced: Array) -> tuple[Array, Compliance]:
     """Returns n and c of a face, in units of the slab above it of this E_r."""
     n, c = face.state[:2]
-    # Only ratios of coordinates matter; those of hundreds of layers would overflow. Those that are
-    # given are at hand: the size of the new ones would be computed again for each of them.
+    # Only ratios of coordinates matter; over hundreds of layers the coordinates would overflow. The
+    # given ones are at hand: the size of the new ones would be computed again for each of them.
     unit = inverse_size((n, *c))
     return unit * n, in_units(Compliance(*(unit * part for part in c)), reduced / face.reduced)
 

@@ -68,7 +68,7 @@ def axis_of(place: str, name: str, value: Any) -> Float[np.ndarray, " values"]:
     return values
 
 
-def axes_of(load: dict[str, Any]) -> dict[str, Float[np.ndarray, " values"]]:
+def load_axes(load: dict[str, Any]) -> dict[str, Float[np.ndarray, " values"]]:
     """Returns the axes of the table [load]."""
     check_table("load", load, (*AXES, *OVER_TIME, *OPTIONS))
     given = [n for n in ("pressure", "approach", "pressure_path") if n in load]

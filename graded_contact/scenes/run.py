@@ -52,7 +52,7 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
     if "temperature" in scene.axes and "velocity" in scene.axes:
         results = with_reduced_velocity(scene, results)
     surfaces = [
-        surface for surface in (scene.case(scene.first).rough, scene.block_surface) if surface
+        surface for surface in (scene.case(scene.first).surface, scene.block_surface) if surface
     ]
     return results.assign_attrs(
         title=scene.title,
@@ -84,9 +84,8 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
     names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
-    stack = case.stack if contact.heated is None else contact.heated.stack
     for name in asked.intersection(STRESSES):
-        stress, depth = largest_stress(name, contact, stack, scene.observe.stress_depths)
+        stress, depth = largest_stress(name, contact, scene.observe.stress_depths)
         found |= {name: stress, f"{name}_depth": depth}
     if motion is not None:
         found = {name: _along_motion(name, number, point) for name, number in found.items()}
@@ -97,10 +96,10 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
         flows = [name for name in found if name.startswith(FLOWS)]
         found |= {name: unknown.at[np.array(frames)].set(found[name]) for name in flows}
     if scene.fluid is not None:
-        found |= _leakages(scene, found, case.rough.grid)
+        found |= _leakages(scene, found, case.surface.grid)
     if scene.output.fields is not None:
         found |= {name: getattr(contact.contact, of) for name, of in CONTACT_FIELDS.items()}
-        found |= {SEED_HEIGHTS: case.rough.heights} if "seed" in scene.axes else {}
+        found |= {SEED_HEIGHTS: case.surface.heights} if "seed" in scene.axes else {}
     return found | {"result": contact.result}
 
 
@@ -125,7 +124,7 @@ def _leakages(scene: Scene, found: dict[str, Array], grid: Any) -> dict[str, Flo
 
 def with_places(scene: Scene, results: "Dataset") -> "Dataset":
     """Returns results with places and times in place of numbered dimensions, and the heights."""
-    surface, motion = scene.case(scene.first).rough, scene.motion
+    surface, motion = scene.case(scene.first).surface, scene.motion
     space, times = ("x", "y")[: surface.grid.ndim], ()
     for axis, count, length in zip(space, surface.grid.shape, surface.grid.size, strict=False):
         places = np.arange(count) * (float(length) / count)

@@ -36,7 +36,7 @@ from ..sliding import (
 )
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.interior.stress import STRESSES
-from ..sliding.number import numbers_in
+from ..sliding.number import observables_in
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
 from .kinds import (
@@ -54,9 +54,9 @@ from .loads import (
     AXES,
     OPTIONS,
     LoadOverTime,
-    axes_of,
     axis_of,
     line_along,
+    load_axes,
     load_over_time,
     motion_of,
     turned,
@@ -243,7 +243,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     surface, seeds = surface_of(builder, "surface", tables["surface"], grid)
     load, sweep = tables["load"], tables.get("sweep", {})
     axes = {path: axis_of("sweep", path, values) for path, values in sweep.items()}
-    axes = axes | seeds | axes_of(load)
+    axes = axes | seeds | load_axes(load)
     first = surface if isinstance(surface, Surface) else surface(seeds["seed"][0])
     line = line_along(first.grid, axes.get("direction", 0.0))
     motion = motion_of(builder, tables.get("motion"), line)
@@ -261,7 +261,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         own = {"seed": 1, **tables["block_surface"]}  # another surface with the same spectrum
         block_surface, more = surface_of(builder, "block_surface", own, first.grid)
         if more:
-            raise ValueError("[block_surface] `seeds` must be 1: those of [surface] may vary.")
+            raise ValueError("[block_surface] `seeds` must be 1: only [surface] may have several.")
     bodies = TwoBodies(
         body_of(builder, "", tables, graded_solver),
         body_of(builder, "counterface.", tables.get("counterface"), graded_solver),
@@ -355,7 +355,7 @@ def check_outputs(scene: Scene) -> None:
     motion, surface = scene.motion, scene.surface_at(scene.first)
     kind = TransientSliding if motion is None or not motion.repeats else CyclicSliding
     kind = Sliding if motion is None else kind
-    known = {need for number in numbers_in(kind).values() for need in number.needs}
+    known = {need for number in observables_in(kind).values() for need in number.needs}
     if surface.grid.ndim == 1 or not surface.periodic:
         known -= {"flow"}
     if scene.fluid is not None and "flow" not in known:

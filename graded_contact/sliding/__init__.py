@@ -1,8 +1,6 @@
 """Sliding contact: the case, its observables and results, motion in time, shear and heat."""
 
 from .case import Case, Heating
-from .interior.conduction import flash_temperature
-from .interior.heat_source import heat_depths, heat_source
 from .interior.stress import ContactStress, contact_stress
 from .motion.motion import Motion
 from .motion.periodic import recorded, sinusoidal, start_stop
@@ -18,7 +16,7 @@ __all__ = [
     "AbstractShear", "Case", "ConstantShear", "ContactStress", "Coulomb", "CyclicSliding",
     "Fluid", "GapFlow", "Heating", "Motion", "Numerics", "PeakedShear",
     "Sliding", "TransientSliding", "contact_stress", "cumulative_friction",
-    "dwell", "flash_temperature", "gap_flow", "heat_depths", "heat_source", "ramp",
+    "dwell", "gap_flow", "ramp",
     "recorded", "sinusoidal", "slide", "slide_case", "slide_cycle",
     "slide_transient", "start", "start_stop",
 ]  # fmt: skip

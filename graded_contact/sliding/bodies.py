@@ -1,5 +1,4 @@
-"""What moves the surfaces of both bodies beside the pressure on the block: traction, the
-counterface.
+"""Two bodies: traction and the counterface move their surfaces, beside the pressure on the block.
 
 The counterface carries the rough surface and moves with it. The pressure σ moves its surface into
 the counterface, away from the block, so that the gap opens by both,
@@ -11,12 +10,12 @@ with z into it, both are pressure and traction on an ordinary block: w_c = M_zz 
 equal bodies without frequencies do not move along z under their traction, as Dundurs's constant β =
 0.
 
-The waves of the counterface are at rest under the surface: under steady sliding M is that of ω = 0,
-real and even. In a cycle the pressure under the surface varies with time, and M is that of the
-frequencies of the period, without the phases of the motion. It is not diagonal in the waves of the
-block: the kernel of the contact then contains the middle of its values, a real number for each q,
-and the rest lags (`isothermal.py`). No value is further from the middle than the middle is large,
-so that the loop contracts.
+The waves of the counterface are at rest under the surface: under steady sliding M is taken at
+ω = 0, real and even. In a cycle the pressure under the surface varies with time, and M is taken at
+the frequencies of the period, without the phases of the motion. It is not diagonal in the waves of
+the block: the kernel of the contact then contains the middle of its values, a real number for each
+q, and the rest lags (`isothermal.py`). No value is further from the middle than the middle is
+large, so that the loop contracts.
 """
 
 import dataclasses
@@ -36,14 +35,14 @@ from ..core.display import shown
 from ..fields.grid import Waves, resample_spectrum
 
 BodyName = Literal["block", "counterface"]
-OF_COUNTERFACE = "counterface."  # begins the paths of its numbers beside those of a block
+OF_COUNTERFACE = "counterface."  # begins the paths of its numbers, beside a block's
 
 
 @shown(unset=False)
 class TwoBodies(NamedTuple):
     """The block, and the counterface or None if it is rigid; values by paths are in both.
 
-    Paths of the counterface begin with `OF_COUNTERFACE`, those of the block with nothing, see
+    Paths of the counterface begin with `OF_COUNTERFACE`, of the block with nothing, see
     `in_both`.
     """
 
@@ -116,14 +115,12 @@ class Counterface(eqx.Module):
     - `in_kernel`: the part of M that the kernel of the contact contains [m/Pa].
     - `coupling`: how the traction on the counterface moves its surface, or None.
     - `lags`: whether `in_kernel` is not all of M. Static.
-    - `measured_range`: as in `SteadyProblem`, of the counterface.
     """
 
     operator: AbstractOperator
     in_kernel: Waves
     coupling: Coupling | None = None
     lags: bool = eqx.field(default=False, static=True)
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
 
     def beside(self, block: SpaceTime) -> SpaceTime:
         """Returns the operator of the contact from the operator of the block."""
@@ -157,7 +154,7 @@ class Counterface(eqx.Module):
         axes = self.in_kernel.ndim
         kept = resample_spectrum(self.in_kernel, old[-axes:], new[-axes:])
         coupling = coupling_on(self.coupling, old, new)
-        return Counterface(operator, kept, coupling, self.lags, self.measured_range)
+        return Counterface(operator, kept, coupling, self.lags)
 
 
 def of_block(both: AbstractOperator, counterface: Counterface | None) -> AbstractOperator:

@@ -3,7 +3,7 @@
 Facts of a case decide which numbers of its contact are printed and stored.
 """
 
-from typing import Any, get_args
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -27,11 +27,11 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..fields.frequency import as_velocity
+from ..fields.grid import Grid
 from ..kernels.memory import LONGEST
 from ..kernels.window import has_ground
-from ..surfaces.spectrum_table import Spectrum
 from ..surfaces.surface import Surface, check_periodic
-from .motion.motion import check_closed, check_resolved
+from .motion.motion import check_closed, check_path, check_resolved
 from .shear import ShearLaw, is_coupled
 
 PERIODIC, WINDOW = "periodic", "window"  # whether the surface repeats
@@ -84,15 +84,14 @@ class Case(eqx.Module):
 
     **Fields:**
 
-    - `stack`, `surface`: the block, and the rough surface on it. A case of the mean field alone may
-      have a spectrum in its place, see `mean_field_friction`.
+    - `stack`, `surface`: the block, and the rough surface on it.
     - `velocity`: of the surface over the block [m/s]; or
     - `displacement`: s(t) [m], with the `period` [s] of a cycle, or the `times` [s] of a motion
       that is transient.
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
     - `law`: of contact.
     - `shear`: law of the shear stress in the contact, or None.
-    - `temperature`: of the contact [K], with `heating` that of the bulk; or None.
+    - `temperature`: of the contact [K], with `heating` of the bulk; or None.
     - `heating`: how the heat of friction flows, or None; of a cycle it is the mean heat.
     - `strain_per_slope`: strain amplitude of each wave over the rms slope [1], or None.
     - `counterface`: the body that carries the surface and moves with it, or None if it is rigid.
@@ -100,7 +99,7 @@ class Case(eqx.Module):
     """
 
     stack: Stack
-    surface: Surface | Spectrum | tuple[Any, Any]
+    surface: Surface
     velocity: Any = eqx.field(converter=optional(numbers("velocity")), default=None)
     displacement: Any = eqx.field(converter=optional(numbers("displacement")), default=None)
     period: Any = eqx.field(converter=optional(scalar("period")), default=None)
@@ -118,7 +117,7 @@ class Case(eqx.Module):
 
     def __check_init__(self):
         check_type("stack", self.stack, Stack)
-        check_type("surface", self.surface, Surface, *get_args(Spectrum), tuple)
+        check_type("surface", self.surface, Surface)
         check_type("law", self.law, AbstractLaw)
         check_type("heating", self.heating, Heating, type(None))
         check_type("counterface", self.counterface, Stack, type(None))
@@ -130,7 +129,7 @@ class Case(eqx.Module):
             raise ValueError(
                 "`velocity`, or `displacement` with `period` or `times`, is needed, not both."
             )
-        grid: Any = getattr(self.surface, "grid", None)  # a spectrum has none
+        grid = self.surface.grid
         if self.velocity is not None:
             as_velocity(self.velocity, grid)
             if self.block_surface is not None:
@@ -141,7 +140,6 @@ class Case(eqx.Module):
                     "its surface, which moves backwards."
                 )
             return
-        check_type("surface", self.surface, Surface)
         if self.strain_per_slope is not None:
             raise ValueError(
                 "`strain_per_slope` is refused with a `displacement`: give a velocity."
@@ -154,31 +152,26 @@ class Case(eqx.Module):
         if self.block_surface is not None:
             self._check_block_surface(self.block_surface)
 
-    def _check_period(self, grid: Any) -> None:
+    def _check_period(self, grid: Grid) -> None:
         if self.period is None:
             raise ValueError("`displacement` needs the `period` [s] of the motion, or `times` [s].")
-        shape = self.displacement.shape
-        allowed = ((), (2,)) if grid.ndim == 2 else ((),)
         # Four times are the fewest with a frequency between 0 and the highest one.
-        if not shape or shape[0] < 4 or shape[1:] not in allowed:
-            raise ValueError(
-                f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "
-                "`(nt, 2)` is needed, with nt of at least 4 times."
-            )
-        check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
-        check_closed(self.displacement, grid, cells=True)
+        count = max((4, *self.displacement.shape[:1]))
+        check_path(self.displacement, count, grid.ndim)
+        check_resolved(f"`displacement` at {count} times", self.displacement, grid)
+        check_closed(self.displacement, grid)
         check_positive("period", self.period, "[s]")
 
     def _check_block_surface(self, own: Surface) -> None:
         if self.heating is not None:
             raise ValueError(
-                "`heating` is refused with a `block_surface`: the heat of a cycle is that of "
+                "`heating` is refused with a `block_surface`: the heat of a cycle is found in "
                 "steady sliding, which two rough surfaces do not have."
             )
-        for surface in (own, self.rough):
+        for surface in (own, self.surface):
             with within("`block_surface`:"):
                 check_periodic(surface)
-        grid, other = self.rough.grid, own.grid
+        grid, other = self.surface.grid, own.grid
         known = is_concrete(grid.size) and is_concrete(other.size)
         same = not known or np.allclose(np.asarray(grid.size), np.asarray(other.size), rtol=1e-6)
         if other.shape != grid.shape or not same:
@@ -192,18 +185,13 @@ class Case(eqx.Module):
         """The bodies that deform: the block, and the counterface if there is one."""
         return (self.stack,) if self.counterface is None else (self.stack, self.counterface)
 
-    def _check_times(self, grid: Any) -> None:
+    def _check_times(self, grid: Grid) -> None:
         for name, refused in (("period", self.period), ("heating", self.heating)):
             if refused is not None:
                 raise ValueError(f"`{name}` is refused with `times`: give one of the two.")
-        times, shape = self.times, self.displacement.shape
+        times = self.times
         check_rows(1, times=times)
-        allowed = [(*times.shape, *more) for more in ((), (2,))[: grid.ndim]]
-        if shape not in allowed:
-            raise ValueError(
-                f"`displacement` has shape {shape}; {' or '.join(map(str, allowed))} is needed, "
-                "one for each of the `times`."
-            )
+        check_path(self.displacement, len(times), grid.ndim)
         check_positive("times", times, "[s]")
         check_increasing("times", times)
         if is_concrete(self.displacement):
@@ -230,21 +218,14 @@ class Case(eqx.Module):
         """Pressure [Pa], mean gap and approach [m], of which one is not None."""
         return {"pressure": self.pressure, "mean_gap": self.mean_gap, "approach": self.approach}
 
-    @property
-    def rough(self) -> Surface:
-        """The surface; raises `ValueError` for a spectrum, which has no contact."""
-        check_type("surface", self.surface, Surface)
-        assert isinstance(self.surface, Surface)
-        return self.surface
-
 
 def facts_of(case: Case) -> frozenset[str]:
     """Returns the facts of a case."""
-    window = not case.rough.periodic
+    window = not case.surface.periodic
     known = {
         PERIODIC: not window,
         WINDOW: window,
-        GROUND: window and all(has_ground(body, case.rough.grid) for body in case.bodies),
+        GROUND: window and all(has_ground(body, case.surface.grid) for body in case.bodies),
         LOAD_FOLLOWS: case.prescribed != "pressure",
         GIVEN_LOAD: case.prescribed != "approach",
         SHEARED: case.shear is not None,

@@ -1,6 +1,6 @@
 """The power that both bodies take, wave by wave.
 
-The power of the traction τ·v, and in a cycle that of the load ⟨σ ∂(w + w_c)/∂t⟩ at a fixed point of
+The power of the traction τ·v, and in a cycle of the load, ⟨σ ∂(w + w_c)/∂t⟩ at a fixed point of
 the surface, add up to the dissipation in block and counterface, -Σ ω Im M |σ_qω|² over all waves of
 both signs of each, which is never negative for a passive solid. At a fixed point of the block, w
 changes at the rate U* iωM U σ, so that both sides agree to rounding. So does w_c at a fixed point

@@ -1,12 +1,12 @@
 """Common parts of observables: fields, tractions and slopes of a contact under sliding.
 
 The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
-its fields (`contacts/operators/operator.py`). Arrays over time are those of a cycle.
+its fields (`contacts/operators/operator.py`). Arrays over time belong to a cycle.
 
 On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇(w - h_b)⟩ [Pa] against the
 motion: the power of this force, and of the load, is what the bodies take. w is the displacement of
-the block, h_b are the heights of its own surface, if it is rough. The slope is that of the
-interface: where the bodies touch it is also the slope of h - w_c, w_c being the displacement of the
+the block, h_b are the heights of its own surface, if it is rough. The slope is the interface's:
+where the bodies touch it is also the slope of h - w_c, w_c being the displacement of the
 counterface. On a grid the two differ by the slope of the gap at the edges of contact, and heights
 have more of this error than displacements (`friction.py`). So if both bodies are rough, each form
 counts by the part of the other body in the mean square slope: the bodies may be exchanged.
@@ -62,7 +62,7 @@ def mean_load(found: Found, pressure: Array | None = None) -> Array:
 def loaded(found: Found) -> tuple[Array, Array]:
     """The pressure on the cell, and the displacement of the block under it.
 
-    This displacement, unlike that of the solution, balances energy to rounding.
+    This displacement, unlike the solution's, balances energy to rounding.
     """
     pressure = found.operator.on_cell(found.pressure)
     return pressure, displaced_by(found, pressure)

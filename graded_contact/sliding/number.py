@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..blocks.heated_stack import HeatedContact
+from ..blocks.stack import Stack
 from ..contacts.solution import ContactSolution, if_known
 from ..core.checks import is_concrete
 from ..core.compilation import compiled
@@ -51,9 +51,8 @@ class Observable(property):
 
     **Arguments:**
 
-    - `formula`: of a result; its docstring is that of the attribute.
+    - `formula`: of a result; the attribute has its docstring.
     - `meaning`, `unit`: see `Quantity`.
-    - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `warns`: limit above which there is a warning, or None.
     """
@@ -64,12 +63,11 @@ class Observable(property):
         meaning: str,
         unit: str = "1",
         *,
-        stored: bool = True,
         needs: Collection[str] = (),
         warns: Above | None = None,
     ):
         super().__init__(formula)
-        self.formula, self.stored, self.needs, self.warns = formula, stored, needs, warns
+        self.formula, self.needs, self.warns = formula, needs, warns
         self.quantity = Quantity("", unit, meaning)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -130,7 +128,7 @@ class Observable(property):
             warns = Above(WARN_ABOVE, sentence, lambda n: over(self.quantity.name, n))
         words = f"estimated error of the {meaning}"
         more: Any = {"needs": [*self.needs, *needs], "warns": warns}
-        return Observable(errors, words, unit, stored=self.stored, **more)
+        return Observable(errors, words, unit, **more)
 
 
 def observable(*words: str, **more: Any) -> Callable[[Formula], Observable]:
@@ -139,7 +137,7 @@ def observable(*words: str, **more: Any) -> Callable[[Formula], Observable]:
 
 
 @functools.cache
-def numbers_in(kind: type) -> dict[str, Observable]:
+def observables_in(kind: type) -> dict[str, Observable]:
     """Returns the numbers of a class of results by their names, in the order of prints."""
     return {
         name: entry
@@ -151,13 +149,13 @@ def numbers_in(kind: type) -> dict[str, Observable]:
 
 def numbers_of(kind: type, facts: Collection[str]) -> tuple[str, ...]:
     """Returns the names of the numbers that prints and results of such contacts contain."""
-    entries = numbers_in(kind).items()
-    return tuple(name for name, one in entries if one.stored and {*one.needs} <= {*facts})
+    entries = observables_in(kind).items()
+    return tuple(name for name, one in entries if {*one.needs} <= {*facts})
 
 
 def value_of(name: str, found: Found) -> Any:
     """Returns a number of a result inside of the program of others."""
-    return numbers_in(type(found))[name].of(found)
+    return observables_in(type(found))[name].of(found)
 
 
 @dataclasses.dataclass
@@ -189,7 +187,8 @@ class AbstractSliding(eqx.Module):
     contact: eqx.AbstractVar[ContactSolution]
     problem: eqx.AbstractVar[Problem]
     kind: eqx.AbstractClassVar[str]
-    heated: eqx.AbstractVar[HeatedContact | None]
+    heated: eqx.AbstractVar[Any]
+    bodies: eqx.AbstractVar[tuple[Stack, ...]]
 
     @functools.cached_property
     def kept(self) -> Kept:
@@ -206,10 +205,14 @@ class AbstractSliding(eqx.Module):
         near = self.kept.near
         if near is None:
             # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
-            near = jax.tree.map(lambda leaf: leaf, self).neighbours()
+            near = self.without_bodies().neighbours()
             if all(map(is_concrete, jax.tree.leaves(near))):
                 self.kept.near = near
         return near
+
+    def without_bodies(self) -> "AbstractSliding":
+        """Returns a copy that the programs of numbers take: they serve contacts of all bodies."""
+        return dataclasses.replace(self, bodies=())
 
     facts = property(attrgetter("problem.facts"))  # see `facts_of`
     operator = property(attrgetter("problem.operator"))
@@ -245,7 +248,7 @@ class AbstractSliding(eqx.Module):
         A number without an estimated error has none.
         """
         error = f"{name}_error"
-        return self._known((error,))[error] if error in numbers_in(type(self)) else {}
+        return self._known((error,))[error] if error in observables_in(type(self)) else {}
 
     def _known(self, names: tuple[str, ...]) -> dict[str, Any]:
         kept = self.kept.numbers
@@ -270,7 +273,7 @@ class AbstractSliding(eqx.Module):
 
 def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
     """Returns the warnings of numbers of a class of results, see `warnings_by`."""
-    entries = numbers_in(kind).items()
+    entries = observables_in(kind).items()
     rules = {name: entry.warns for name, entry in entries if entry.warns is not None}
     return warnings_by(rules, number, "times" if kind.kind == TRANSIENT else "solves")
 
@@ -304,9 +307,9 @@ def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, An
         return jax.lax.map(lambda one: _in_programs(one, names), found)
     # Outside of the program, so that Python reuses the programs of the contact.
     near = None
-    if any(numbers_in(type(found))[name].is_error for name in names):
+    if any(observables_in(type(found))[name].is_error for name in names):
         near = found.near
-    return _computed(found, near, names)
+    return _computed(found.without_bodies(), near, names)
 
 
 @derivative_apart
@@ -315,7 +318,7 @@ def _computed(found: AbstractSliding, near: Any, names: tuple[str, ...]) -> dict
     still, near_still = jax.lax.stop_gradient((found, near))
     for one, others in ((found, near), (still, near_still)):
         one.kept.formulas, one.kept.near = {}, others
-    entries = {name: numbers_in(type(found))[name] for name in names}
+    entries = {name: observables_in(type(found))[name] for name in names}
     numbers = {n: e.of(still if e.is_error else found) for n, e in entries.items()}
     if found.kind == TRANSIENT:  # whose numbers before a failure are known
         return numbers

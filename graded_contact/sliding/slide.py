@@ -58,7 +58,7 @@ def slide(
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
       temperature), such as `Coulomb`, `ConstantShear` or `PeakedShear`; None for hysteresis alone.
       The traction of a law that is `coupled` moves the surface of the block and so changes the
-      pressure; that of others does not, which is exact for ν = 1/2 on a half space. On a window
+      pressure; other laws leave it, which is exact for ν = 1/2 on a half space. On a window
       only `Coulomb` can be coupled.
     - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
       bulk temperature, to which the block is brought, see `Stack.at`.
@@ -71,11 +71,11 @@ def slide(
       inwards; None for a rigid one. The waves of the pressure rest on it: it has its relaxed moduli
       and loses nothing. It keeps its temperature: pass `counterface.at(...)`; with `heating` it has
       the bulk temperature and is heated, too. If the block is rough and the counterface is smooth,
-      exchange them: `stack` is then the smooth body, `counterface` the rough one, and the velocity
-      that of the rough body over the smooth one.
+      exchange them: `stack` is then the smooth body, `counterface` the rough one, and `velocity`
+      the rough body's over the smooth one.
     - `law`: of contact.
     - `start`: a pressure field [Pa] to start from, see `solve_contact`.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+    - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
     numbers are then NaN.
@@ -136,7 +136,7 @@ def slide_cycle(
     - `counterface`: as in `slide`. Where the pressure under the surface varies, the counterface has
       its moduli at the frequencies of the period, and loses power, `counterface_power`.
     - `block_surface`: the heights of the block itself, which rest on it; heights count out of the
-      block, so that those of both surfaces add up. At s = 0 the points of the two grids coincide.
+      block, so that both heights add up. At s = 0 the points of the two grids coincide.
     - `start`, `numerics`: as in `slide`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
@@ -198,7 +198,7 @@ def slide_transient(
       the speed of this step.
     - `counterface`, `block_surface`: as in `slide_cycle`; the counterface has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+    - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
 
     **Returns:** friction, areas and works over time, errors, and fields, see `TransientSliding`.
 
@@ -233,7 +233,7 @@ def slide_case(
 
     **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
     """
-    how = how.of(case.bodies, case.rough, case.block_surface)
+    how = how.of(case.bodies, case.surface, case.block_surface)
     if case.times is not None:
         return solve_transient(case, how, fields_at)
     if case.heating is not None:

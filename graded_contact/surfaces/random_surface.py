@@ -41,7 +41,7 @@ def random_surface(
 
     Each mode (kx, ky) draws from its own random stream, so a refined grid of the same size gives
     the same surface, and a 1-D grid the phases of the modes (kx, 0). Sums over modes replace
-    integrals over q: the statistics agree with those of the spectrum up to the coarseness of the
+    integrals over q: the statistics agree with the spectrum up to the coarseness of the
     lattice at `q_low`; `rescale` makes one of them exact.
 
     **Arguments:**

@@ -7,7 +7,7 @@ C(q) over the whole line for a profile; `ndim` is 2 or 1. It is isotropic unless
 C depends on the stretched wavenumber k² = q_across² + γ² q_along² in place of q², while the ends
 of the band remain circles: they belong to the cell and to the resolution.
 
-The shape of the spectrum is that of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
+The spectrum has the shape of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
 doi:10.1088/0953-8984/18/32/025.
 """
 
@@ -45,7 +45,7 @@ class SelfAffine(eqx.Module):
     the spectrum of the same numbers without anisotropy (`ndim=1`, a 1-D grid), exactly.
 
     Derivatives of a random surface with respect to `q_low` and `q_high` see the normalisation, not
-    the modes that a moving edge admits: where a mode lies on an edge they are those of the side on
+    the modes that a moving edge admits: where a mode lies on an edge they belong to the side on
     which it stays, `q_low` downwards and `q_high` upwards. By `q_roll` they are one-sided where a
     mode lies on the sharp kink (`q_roll` upwards); for a design take `roll_off="smooth"`.
 

@@ -83,7 +83,7 @@ def statistics(surface: Surface) -> Statistics:
 def _principal(squares: Array, mixed: Array) -> tuple[Array, Array]:
     """The ratio of the principal rms slopes [1], and the direction of the smaller one [rad]."""
     mean, half = jnp.sum(squares) / 2, (squares[0] - squares[1]) / 2
-    # The lay of an isotropic surface would be that of rounding.
+    # The lay of an isotropic surface would be made of rounding.
     equal = half**2 + mixed**2 <= (8 * jnp.finfo(mean.dtype).eps * mean) ** 2
     half, mixed = jnp.where(equal, -1, half), jnp.where(equal, 0, mixed)
     away = jnp.where(equal, 0, jnp.sqrt(half**2 + mixed**2))

@@ -1,82 +1,139 @@
-"""One problem over several devices: four virtual ones in a process of their own, or processes."""
+"""One problem over several devices: the four virtual ones of the suite, or processes."""
 
-import json
+import dataclasses
 import os
+import re
 import socket
 import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
+from over_devices import SPECTRUM, draw, mean_square
 
-from graded_contact import Grid
+import graded_contact as gc
+from graded_contact.core import anderson
 
 HERE = Path(__file__).parents[1]
+SHAPE = 36, 50  # half spectra and coarse grids fall into no equal parts
 ROW = 8 * 50  # bytes
 SECONDS = 900  # for what hangs, never for what is slow
 RTOL = 1e-9  # of the solves
+BLOCK = gc.Stack(
+    layers=(gc.Layer(gc.Elastic(6.5e6, 0.49), 2e-4),),
+    base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.5)),
+)
+NUMBERS = ("friction", "contact_area", "energy_imbalance", "mean_gap")
+STRETCH = 1 + 0.1 * np.random.default_rng(0).normal(size=SHAPE)
+KEY = jax.random.key(0)
 
 
-def start(devices, *arguments):
-    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count={devices}"
-    return subprocess.Popen(
-        [sys.executable, str(HERE / "over_devices.py"), *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": str(HERE.parent), "XLA_FLAGS": flags},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+def friction_over(devices):
+    """The friction of a block on a rough surface, stretched by factors, and what else is shown."""
+
+    def friction(block, factors, key):
+        surface = gc.random_surface(SPECTRUM, gc.Grid(SHAPE, 1e-2, devices), key)
+        surface = dataclasses.replace(surface, heights=surface.heights * factors)
+        solver = gc.contacts.DouglasRachford(coarsest=18, newton=False)
+        found = gc.slide(block, surface, pressure=2e5, velocity=0.5, rtol=RTOL, solver=solver)
+        return found.friction, {
+            "surface": surface.heights,
+            "pressure": found.pressure,
+            "cumulative": gc.sliding.cumulative_friction(found).friction,
+            "spectrum": gc.surfaces.radial_spectrum(surface)[1],
+            "resampled": gc.surfaces.resample(surface, (24, 30)).heights,
+            "numbers": found.compute(*NUMBERS),
+            "fft pairs": found.num_fft_pairs,
+        }
+
+    return friction
 
 
 @pytest.fixture(scope="module")
-def found():
-    """What four devices and one found."""
-    process = start(4)
-    out, _ = process.communicate(timeout=SECONDS)
-    assert process.returncode == 0
-    return json.loads(out)
+def programs():
+    """Compiled: with derivatives over four devices, and without on one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(anderson, "SAMPLED_FROM", 0)  # rows are sampled, as on large grids
+        over_four = jax.value_and_grad(friction_over(jax.devices()), (0, 1), has_aux=True)
+        return [
+            jax.jit(function).lower(BLOCK, STRETCH, KEY).compile()
+            for function in (over_four, friction_over(None))
+        ]
 
 
-def test_four_devices_find_what_one_finds(found):
+def test_four_devices_find_what_one_finds_and_its_derivatives(programs):
     """Sums are taken in another order, and so are transforms: steps differ by rounding."""
-    distances = found["distances"]
-    assert distances.pop("surface") < 1e-14 and distances.pop("by heights") < 10 * RTOL
-    assert max(distances.values()) < RTOL
-    assert found["fft pairs"][0] == found["fft pairs"][1]
-    np.testing.assert_allclose(*found["numbers"], rtol=RTOL, atol=1e-14)
+    one = programs[1]
+    ((value, found), (by_block, by_factors)), (expected, fields) = (
+        program(BLOCK, STRETCH, KEY) for program in programs
+    )
+    for name in ("surface", "pressure"):
+        assert [s.data.shape for s in found[name].addressable_shards] == [(9, 50)] * 4
+    assert found.pop("fft pairs") == fields.pop("fft pairs")
+    np.testing.assert_allclose(value, expected, rtol=RTOL)
+    np.testing.assert_allclose(found.pop("numbers"), fields.pop("numbers"), rtol=RTOL, atol=1e-14)
+    for name, each in found.items():
+        each, of_one = np.asarray(each), np.asarray(fields[name])
+        bound = 1e-14 if name == "surface" else RTOL
+        assert np.nanmax(np.abs(each - of_one)) < bound * np.nanmax(np.abs(of_one)), name
+    step, change = 1e-4, np.random.default_rng(1).normal(size=SHAPE)
+    ends = []
+    for small in (step, -step):
+        block = jax.tree.map(lambda leaf, small=small: leaf * (1 + small), BLOCK)
+        ends.append(float(one(block, STRETCH + small * change, KEY)[0]))
+    pairs = zip(jax.tree.leaves(by_block), jax.tree.leaves(BLOCK), strict=True)
+    slope = np.sum(by_factors * change) + sum(np.sum(a * b) for a, b in pairs)
+    np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
 
 
-def test_each_device_holds_its_rows_and_a_share_of_the_memory(found):
-    assert found["shards"] == [[[9, 50]] * 4] * 2
-    many, one = found["temporaries"]
-    assert many < 0.3 * one
-
-
-def test_only_transforms_exchange_fields(found):
+def test_each_device_has_a_share_of_the_memory_and_only_transforms_exchange_fields(programs):
     """Nothing gathers or adds up fields; neighbours pass on less than they hold."""
-    largest = found["exchanged"]
-    assert largest["all-to-all"] < 36 * ROW and largest["collective-permute"] < 9 * ROW
+    with_derivatives, without = (p.memory_analysis().temp_size_in_bytes for p in programs)
+    assert with_derivatives < 0.5 * without
+    size = {"pred": 1, "s32": 4, "f32": 4, "c64": 8, "s64": 8, "u64": 8, "f64": 8, "c128": 16}
+    kinds = "all-gather|all-to-all|all-reduce|collective-permute|reduce-scatter"
+    largest = dict.fromkeys(kinds.split("|"), 0)
+    for result, kind in re.findall(rf"= (.*?) ({kinds})(?:-start)?\(", programs[0].as_text()):
+        arrays = re.findall(r"(\w+)\[([\d,]*)\]", result)
+        total = sum(size[t] * int(np.prod([int(n) for n in s.split(",") if n])) for t, s in arrays)
+        largest[kind] = max(largest[kind], total)
+    assert 0 < largest["all-to-all"] < 36 * ROW and 0 < largest["collective-permute"] < 9 * ROW
     assert largest["all-gather"] < 2 * ROW and largest["all-reduce"] < 2 * ROW
 
 
-def test_what_is_refused_is_named_wherever_it_lies(found):
-    *grids, heights = found["refused"]
-    assert "`heights[20, 3]=nan` is refused" in heights
-    for message in grids:
-        assert "refused on 4 `devices`" in message and "must divide the first" in message
+def test_what_is_refused_is_named_wherever_it_lies():
+    for shape in ((66, 64), (64,)):
+        with pytest.raises(ValueError, match=r"refused on 4 `devices`.*must divide the first"):
+            gc.Grid(shape, 1.0, jax.devices())
+    heights = np.zeros((8, 4))
+    heights[5, 1] = np.nan
+    with pytest.raises(ValueError, match=r"`heights\[5, 1\]=nan` is refused"):
+        gc.Surface(heights, gc.Grid((8, 4), 1.0, jax.devices()))
 
 
 @pytest.mark.parametrize("devices", ["cpu", [], [0], 3])
 def test_what_are_no_devices_is_refused(unchecked_types, devices):
     with pytest.raises(ValueError, match=r"`devices=.*must be a list such as"):
-        Grid((8, 8), 1.0, devices)
+        gc.Grid((8, 8), 1.0, devices)
 
 
-def test_two_processes_find_the_same(found):
+def test_two_processes_find_the_same():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    processes = [start(1, f"127.0.0.1:{port}", 2, rank) for rank in range(2)]
-    told = [json.loads(p.communicate(timeout=SECONDS)[0].splitlines()[-1]) for p in processes]
+    flags = os.environ["XLA_FLAGS"].replace("device_count=4", "device_count=1")
+    processes = [
+        subprocess.Popen(
+            [sys.executable, str(HERE / "over_devices.py"), f"127.0.0.1:{port}", "2", str(rank)],
+            env={**os.environ, "PYTHONPATH": str(HERE.parent), "XLA_FLAGS": flags},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for rank in range(2)
+    ]
+    told = [p.communicate(timeout=SECONDS)[0].splitlines()[-1] for p in processes]
     assert told[0] == told[1]
-    np.testing.assert_allclose(told[0], (2, found["numbers"][1][0]), rtol=RTOL)
+    expected = 2, mean_square(draw(None))
+    np.testing.assert_allclose(list(map(float, told[0].split())), expected, rtol=RTOL)

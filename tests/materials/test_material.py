@@ -13,8 +13,7 @@ from oracles import elasticities
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
-import graded_contact as gc
-from graded_contact import WLF, Arrhenius, BulkShear, Elastic, Prony, Tabulated
+from graded_contact import WLF, Arrhenius, Elastic, Prony, Tabulated
 
 EXAMPLES = settings(max_examples=60)
 BRANCHES = 7
@@ -51,12 +50,6 @@ def exact_compliance(glassy, compliances, times, omega):
 
 def parts_of(values):
     return jnp.stack([values.real, values.imag])
-
-
-def sliced_profile(profile):
-    """The material in the middle of a graded layer."""
-    stack = gc.Stack(layers=[gc.GradedLayer(profile, 1.0)], base=gc.Free())
-    return gc.response.sliced(stack, 1).layers[0].material
 
 
 def two_branches(**changes):
@@ -292,21 +285,3 @@ def test_tabulated_at_rest_is_elastic():
     np.testing.assert_allclose(modulus_of(table, jnp.array(0.0)), 1e6, rtol=1e-14)
     slope = jax.jit(jax.grad(lambda m: m.complex_modulus(jnp.zeros(2)).real.sum()))(table)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
-
-
-TABLE_AT_ONE = Tabulated(
-    [1.0, 2.0, 5.0, 9.0],
-    np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 3 + 0.2j]),
-    shift=SHIFTS[0],
-)
-SOFT = Prony(1.0, [2.0, 0.5], [0.2, 3.0], 0.4, shift=SHIFTS[0])
-STIFF = Prony.from_creep(9.0, [0.1, 0.02], [0.3, 2.0], 0.45, shift=SHIFTS[1])
-AT_REST = {
-    "prony": SOFT,
-    "bulk-shear": BulkShear(STIFF, SOFT),
-    "blend": sliced_profile(gc.Blend(SOFT, TABLE_AT_ONE)),
-    "logarithmic": sliced_profile(gc.Blend(SOFT, STIFF, mixing="logarithmic")),
-}
-
-
-# Tables of shifts -------------------------------------------------------------------------------

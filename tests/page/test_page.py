@@ -9,7 +9,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.page.curves import SHOWN, Curves
-from graded_contact.page.numbers import numbers_of
+from graded_contact.page.numbers import varied_numbers
 from graded_contact.page.page import Page
 from graded_contact.scenes import parse_scene
 
@@ -162,7 +162,7 @@ def test_a_saved_scene_has_the_numbers_and_the_comments(page, tmp_path):
     again = gc.read_scene(tmp_path / "explored.toml")
     assert "modulus = 7000000.0      # measured" in again.text
     assert "# A comment that stays." in again.text and "[0.01, 0.1, 1.0]" in again.text
-    saved = {name: number.value for name, number in numbers_of(again).items()}
+    saved = {name: number.value for name, number in varied_numbers(again).items()}
     assert saved == {name: value for name, value in page.values.items() if value}
     page.save()  # it exists
     assert "Not saved" in page.saved.object

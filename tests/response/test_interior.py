@@ -114,7 +114,8 @@ def test_half_space_under_a_wave_of_pressure(poisson):
     pressure = mean + p * np.cos(q * x)
     for z in (0.0, 1e-4, 7e-4):
         wave, decay = p * np.cos(q * x), np.exp(-q * z)
-        _, stress = stress_field(stack, grid, pressure, z)
+        depth = jnp.asarray(z)
+        _, stress = stress_field(stack, grid, jnp.asarray(pressure), depth, 0 * depth)
         zz, xx = -(1 + q * z) * decay * wave, -(1 - q * z) * decay * wave
         lateral = -poisson / (1 - poisson) * mean
         np.testing.assert_allclose(stress[..., 2, 2], zz - mean, atol=1e-9)
@@ -130,7 +131,8 @@ def test_sliding_surface_moves_as_the_kernel_says():
     grid = gc.Grid(shape, 1.0)
     stack = stack_on(base)
     pressure = np.random.default_rng(0).normal(size=shape) + 3
-    displacement, stress = stress_field(stack, grid, pressure, 0.0, velocity)
+    given = jnp.asarray(pressure), jnp.zeros(()), jnp.asarray(velocity)
+    displacement, stress = stress_field(stack, grid, *given)
     assert displacement.shape == (*shape, 3)
     assert stress.shape == (*shape, 3, 3)
     kernel = gc.stack_kernel(stack, grid, velocity)

@@ -100,7 +100,7 @@ def test_traction_acts_on_the_counterface_in_the_opposite_direction(velocity):
     )  # fmt: skip
     problem = steady_problem(case)[0]
     along = np.sign(velocity) * 0.4
-    expected = steady_kernels(rubber(), COATED, along, case.rough.grid, velocity)
+    expected = steady_kernels(rubber(), COATED, along, case.surface.grid, velocity)
     np.testing.assert_allclose(problem.operator.kernel, expected, rtol=1e-10)
 
 
@@ -223,14 +223,12 @@ def test_stress_in_the_counterface_is_that_in_the_block_of_exchanged_bodies():
     soft, stiff = elastic(1.0), elastic(4.0, 0.45)
     depths = [0.0, 0.1]
     found = slide(soft, stiff, shear=Coulomb(0.3))
-    in_counterface = contact_stress(found, stiff, depths, body="counterface")
+    in_counterface = contact_stress(found, depths, body="counterface")
     exchanged = slide(stiff, soft, velocity=-1.0, shear=Coulomb(0.3))
-    in_block = contact_stress(exchanged, stiff, depths)
+    in_block = contact_stress(exchanged, depths)
     scale = float(jnp.max(jnp.abs(in_block.stress)))
     np.testing.assert_allclose(in_counterface.stress, in_block.stress, atol=1e-6 * scale)
     assert jnp.max(in_counterface.von_mises) > 0.1 * LOAD
-    with pytest.raises(ValueError, match="another counterface"):
-        contact_stress(found, soft, depths, body="counterface")
 
 
 def test_the_mean_field_of_exchanged_bodies_is_the_same():

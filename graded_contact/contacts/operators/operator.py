@@ -8,7 +8,7 @@ splitting converges because the real part of K is positive.
 
 Under steady sliding U is the Fourier transform in the frame of the surface (`Steady`). Under any
 other periodic motion it is one in space and time (`space_time.py`), and the mean is prescribed at
-every time. The defaults of `AbstractOperator` are those of steady sliding; another operator is a
+every time. The defaults of `AbstractOperator` are for steady sliding; another operator is a
 subclass with a kernel and what differs.
 
 An operator also knows its fields: the cell that they fill, around a window (`window.py`) more than
@@ -111,7 +111,7 @@ class AbstractOperator(eqx.Module):
     # The fields of a contact.
 
     def cell(self, grid: Grid) -> Grid:
-        """Returns the cell of the kernel; `grid` is that of the surface."""
+        """Returns the cell of the kernel; `grid` belongs to the surface."""
         return grid
 
     def on_cell(self, field: Shaped[Array, "..."], mode: str = "constant") -> Shaped[Array, "..."]:

@@ -51,7 +51,7 @@ class SpaceTime(AbstractOperator):
     of_distance: ClassVar[bool] = False
 
     def to_waves(self, field):
-        # From the frame of the surface, which moves, to that of the block.
+        # From the frame of the surface, which moves, to the frame of the block.
         waves = jax.vmap(to_spectrum)(field)
         for phase in self.phases:
             waves = waves * phase

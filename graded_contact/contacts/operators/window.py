@@ -22,7 +22,7 @@ class Window(AbstractOperator):
 
     - `kernel`: M on the cell of twice the length, see `window_kernel`.
     - `grounded`: whether the entry of the mean counts. Then the displacement is relative to the
-      block far away, no mean is open, and a prescribed gap is that of the undeformed block. Static.
+      block far away, no mean is open, and a prescribed gap belongs to the undeformed block. Static.
     """
 
     kernel: Waves

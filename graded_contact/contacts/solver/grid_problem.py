@@ -22,7 +22,7 @@ Factor = float | Scalar  # of a penalty, over the first
 class GridSettings(NamedTuple):
     """Settings of the solve on one grid, static except `rtol`."""
 
-    share: float  # of its points, of those of the finest grid
+    share: float  # of its points in the points of the finest grid
     newton: bool  # whether Newton steps may follow
     draft_steps: int
     max_steps: int
@@ -41,7 +41,7 @@ class OneGrid(NamedTuple):
 class GridProblem(eqx.Module):
     """The contact on one grid, dimensionless: see `splitting.py`.
 
-    A factor is that of a penalty over the first one.
+    A factor is a penalty over the first one.
     """
 
     grid: OneGrid
@@ -153,7 +153,7 @@ def closed_or(problem: GridProblem, z):
     """Returns z of full contact where nearly no gap is prescribed, elsewhere z; and FFT pairs.
 
     The pressure is the least that closes the contact: where the gap is 0, any higher one would do.
-    If the points of this least pressure can have the whole gap, z is that of the solution.
+    If the points of this least pressure can have the whole gap, z belongs to the solution.
     """
     operator = problem.grid.operator
     closed = jnp.abs(problem.mean) <= _CLOSED * jnp.std(problem.scaled_heights())

@@ -4,7 +4,7 @@ Douglas-Rachford splitting, with Anderson's acceleration. One real field z = σ 
 pressure σ and gap u at once. One step costs one FFT pair:
 
     x  = (I + ρM)⁻¹ (z + ρh)      in Fourier space; the mean of x is set to the load,
-                                  or that of the gap (z - x)/ρ to the prescribed gap
+                                  or of the gap (z - x)/ρ to the prescribed gap
     y  = proximal map of the law at v = 2x - z
     z⁺ = z + 2α (y - x)
 
@@ -16,7 +16,7 @@ do not have it.
 
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
-The unit of length is that of pressure over ρ. On large grids a draft in single precision, which
+The unit of length is the unit of pressure over ρ. On large grids a draft in single precision, which
 moves half as many bytes, computes the first digits. There the filter is computed from the kernel at
 each step and not stored.
 """
@@ -37,6 +37,7 @@ from .abstract_solver import in_precision, participation_of, run_steps, slope
 # Earlier iterates that the acceleration combines, each of two fields. At a given mean gap few: near
 # full contact the load drifts, and with 5 some loads diverged above an area of 0.99.
 _HISTORY, _HISTORY_AT_GAP = 5, 2
+RELAXATION = 0.95  # α
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, as measured
 
 
@@ -56,7 +57,7 @@ class Splitting(eqx.Module):
 
     - `solid`: gives x.
     - `shift`: part of x from heights and prescribed mean; if the mean is free, of x - z.
-    - `proximal`: that of the law, a pytree.
+    - `proximal`: map of the law, a pytree.
     - `rtol`: relative error of the pressure at which the iteration ends.
     - `share`: of points under load [1], or None for the participation of the current pressure.
     - `least`: residuals that rounding alone causes, at which a draft ends; else None.
@@ -69,7 +70,7 @@ class Splitting(eqx.Module):
     rtol: Scalar
     share: Scalar | None = None
     least: Float[Array, "2"] | None = None
-    relaxation: float = eqx.field(default=0.95, static=True)
+    relaxation: float = eqx.field(default=RELAXATION, static=True)
 
     def init(self, start: Field) -> Iterates:
         """Returns the state of a z."""
@@ -100,7 +101,7 @@ class Splitting(eqx.Module):
         """Returns the estimated relative error of the pressure x, and whether rounding hides it.
 
         The iteration stops where the error is at most `rtol`, or hidden. `first` and `last` are two
-        steps from z; `stiffness` is that of each wave.
+        steps from z; each wave has its `stiffness`.
         """
         between, (image, after, x, y) = first.z, last
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
@@ -163,12 +164,6 @@ def draft(splitting: Splitting, z: Field, *, max_steps: Array | int) -> tuple[Fi
     last = run_steps(dataclasses.replace(single, least=rounding), begin, max_steps)
     # A start that is as good already keeps its digits.
     return jnp.where(last.cycles > 1, last.z.astype(z.dtype), z), last.cycles * STEPS_OF_CYCLE
-
-
-def check_relaxation(relaxation: float) -> None:
-    """Raises `ValueError` unless this is an α between 0 and 1."""
-    if not isinstance(relaxation, float) or not 0 < relaxation < 1:
-        raise ValueError(f"`relaxation={relaxation}` must be a number between 0 and 1.")
 
 
 def _weight_of_modes(field: Field) -> Float[Array, "#half"]:

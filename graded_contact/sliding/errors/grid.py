@@ -152,7 +152,7 @@ def unseen_area(found: Found) -> Array:
 
 
 def _edges_by_chance(found: Found) -> Array:
-    """The area by edges, each half a spacing off: tension around them is not that of Hertz."""
+    """The area by edges, each half a spacing off: the tension around them is not Hertz's."""
     inside = touching(found)
     axes = tuple(range(-found.grid.ndim, 0))
     crossed = sum(jnp.sum(inside != jnp.roll(inside, 1, axis), axis=axes) for axis in axes)
@@ -178,9 +178,9 @@ def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
 def _hidden_openings(found: Found) -> Array:
     """The error of the area by openings between points in contact [1], in a cycle at each time.
 
-    The pressure between the points is that of its waves. It is computed at all points of twice the
-    grid whose neighbours touch. Its lowest value may lie between these, below by about a quarter of
-    the dip from their neighbours: near 0 a point counts in part.
+    The pressure between the points is the sum of its waves. It is computed at all points of twice
+    the grid whose neighbours touch. Its lowest value may lie between these, below by about a
+    quarter of the dip from their neighbours: near 0 a point counts in part.
     """
     if WINDOW in found.facts:  # without waves of its own
         return jnp.zeros((), found.pressure.dtype)

@@ -20,53 +20,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ...blocks.stack import Stack, interface_depths
-from ...core.checks import Numbers
 from ...core.compilation import compiled
 from ...fields.frequency import wave_frequencies
-from ...fields.grid import Grid, multiplicity, to_field, to_spectrum, wavenumber
-from ..bodies import BodyName
+from ...fields.grid import Grid, multiplicity, to_spectrum, wavenumber
 from ..case import Heating
 from ..result import Sliding
-from .heat_source import as_depths, heat_depths, heat_source, shear_heat
-
-
-def flash_temperature(
-    sliding: Sliding,
-    stack: Stack,
-    heating: Heating,
-    depths: Numbers,
-    *,
-    counterface: Stack | None = None,
-    body: BodyName = "block",
-) -> Float[Array, "depths *shape"]:
-    """Returns the temperature in a body above the mean of each depth [K].
-
-    Hysteresis and the shear of `sliding` heat the block. Differentiable as `heat_source`, and in
-    `heating`.
-
-    **Arguments:**
-
-    - `sliding`, `stack`: as in `heat_source`; `stack` as given to `slide`.
-    - `heating`: conductivities and diffusivities.
-    - `depths`: z [m], shape `(depths,)`; 0 is the surface.
-    - `counterface`: as given to `slide`, for its layers; None for one half space.
-    - `body`: "block" or "counterface", whose depths count into the counterface.
-
-    **Returns:** T, shape `(depths, *grid.shape)`. Add the bulk temperature.
-
-    **Raises:** `ValueError` for a refused argument.
-    """
-    depths = as_depths(depths)
-    nodes, thickness = heat_depths(stack, sliding.grid)
-    block = stack if sliding.heated is None else sliding.heated.stack
-    heat = Heat(heat_source(sliding, block, nodes), thickness, shear_heat(sliding))
-    found = temperatures(sliding, (stack, counterface), heating, heat, (depths, depths))
-    return jax.vmap(lambda spectrum: to_field(spectrum, sliding.grid.shape))(
-        found[body == "counterface"]
-    )
 
 
 class Heat(NamedTuple):
@@ -150,7 +111,7 @@ def _conduction(
     grid: Grid, velocity, stack: Stack | None, conductivity, diffusivity, heat, bottoms, depths
 ):
     """The admittance of a body, the flux into it at a cold surface, and what gives the spectra of
-    the temperature at `depths` from that of the surface.
+    the temperature at `depths` from the temperature of the surface.
 
     `heat` has the spectra of slices that end at `bottoms`; there is none below.
     """

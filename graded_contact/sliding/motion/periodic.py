@@ -20,7 +20,7 @@ from ...core.checks import (
 )
 from ...core.compilation import compiled
 from ...fields.grid import Grid
-from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, largest_step
+from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_length
 from .transient import in_steps, known, table_of
 
 _USUAL = 128  # times, where the grid is not known
@@ -135,8 +135,9 @@ def recorded(
 ) -> Motion:
     """Returns a measured motion, from a table that is interpolated linearly.
 
-    With a period it has equally spaced times, without the frequencies that these alias: those above
-    that of `num_times` are cut, and with them most of the noise. The table must end where it began.
+    With a period it has equally spaced times, without the frequencies that these alias: all
+    above the highest that `num_times` resolve are cut, and with them most of the noise. The table
+    must end where it began.
 
     Without a period the motion is transient and need not close. Each interval of the table is cut
     into equal steps, in which the surface moves by at most half a spacing.
@@ -167,12 +168,12 @@ def recorded(
             f"`times` from {at[0]:g} to {at[-1]:g} s are refused: they must be within one "
             f"`period` of {period:g} s, whose end is not listed."
         )
-    check_closed(table, grid, cells=False)
+    check_closed(table)
     count = _USUAL if num_times is None else num_times
     moved = _resampled(at, table, period, count)
     if num_times is None and grid is not None:
         # More times keep more of the noise, so that they are not known beforehand.
-        while (step := float(known("num_times", largest_step(moved, grid.spacing)))) > CHOSEN_STEP:
+        while (step := float(known("num_times", step_length(moved, grid.spacing)))) > CHOSEN_STEP:
             count = fast(max(count + 1, count * step / CHOSEN_STEP))
             moved = _resampled(at, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)
@@ -182,7 +183,7 @@ def recorded(
 @compiled
 def _resampled(times, table, period, count: int) -> Float[Array, "nt ..."]:
     """A table of displacements at equally spaced times."""
-    # Finer times first: those of the result would alias what lies between them.
+    # Finer times first: the few of the result would alias what lies between them.
     fine = times[0] + period * _times(_FINE * count, table)
     # Its first row, a period later, closes the table.
     ends = jnp.append(times, times[0] + period)

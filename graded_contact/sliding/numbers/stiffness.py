@@ -1,6 +1,6 @@
 """Stiffness and conductance of a contact, each by one linear solve.
 
-If the mean gap closes by -dū, the pressure changes by that of rigid punches in the shape of the
+If the mean gap closes by -dū, the pressure changes as under rigid punches in the shape of the
 contact. The current between two conductors has the same distribution (J. R. Barber, Proc. R. Soc. A
 459 (2003) 53, doi:10.1098/rspa.2002.1038), so
 
@@ -10,7 +10,7 @@ gives the stiffness -dp/dū with the kernel M of the block, and the conductance 
 Where the traction of `Coulomb` moves the surface, it is part of M.
 
 With a set of points as A both numbers would jump whenever a point joins. So a point with the share
-f in contact rests on a spring of compliance c (1 - f)/f times that of the block near half the
+f in contact rests on a spring of compliance c (1 - f)/f times the block's near half the
 Nyquist number (`edge_stiffness`). Here f is cut at 1/(1 + g/p) of the way to the next point, so
 that the spring is a gap over a pressure. With c = 1 on a line and 0.8 on a plane, strips, spheres
 and rough surfaces have the least errors. Within each spacing the
@@ -20,7 +20,7 @@ error varies: a derivative has a local error of about 30 %, and is right over se
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...contacts.adjoint import LinearSplitting, opening_by_load
+from ...contacts.adjoint import opening_by_load
 from ...contacts.area import contact_shares, edge_stiffness
 from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
@@ -33,8 +33,8 @@ from ..number import Found, observable
 from ..problem import SteadyProblem
 
 _RTOL = 1e-8
-_YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over that of the block, by dimensions
-# Parts of the error: the change from half as many points, and that by softer springs. With them 119
+_YIELDING = {1: 1.0, 2: 0.8}  # compliance of half a point over the block's, by dimensions
+# Parts of the error: the changes from half as many points and by softer springs. With them 119
 # of 124 claims held.
 _FROM_HALF, _SOFTER = 0.75, 1.25
 _LACKING = 8.0  # times the share of the squared slope in waves that half the grid lacks
@@ -108,4 +108,4 @@ def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
-    return -penalty / opening_by_load(operator.scaled(penalty), s, LinearSplitting(), rtol)
+    return -penalty / opening_by_load(operator.scaled(penalty), s, rtol)

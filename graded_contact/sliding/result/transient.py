@@ -7,17 +7,18 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...blocks.heated_stack import HeatedContact
+from ...blocks.stack import Stack
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import TRANSIENT
 from ..errors import neighbours
 from ..number import AbstractSliding
-from ..numbers import area, checks, cycle, gap_flow
+from ..numbers import area, cycle, gap_flow, warnings
 from ..numbers import friction as of_friction
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
 from ..transient_problem import TransientProblem
+from .temperatures import HeatedContact
 
 
 @shown("contact", "failed", "warnings")
@@ -38,6 +39,7 @@ class TransientSliding(AbstractSliding):
     - `recorded`: numbers of the steps by their names, each with the times on its first axis.
     - `failed`: number of the first step that did not succeed, or -1.
     - `kept_steps`: numbers of the steps whose fields are kept. Static.
+    - `bodies`: the block, and the counterface if it deforms.
     """
 
     contact: ContactSolution
@@ -46,6 +48,7 @@ class TransientSliding(AbstractSliding):
     failed: Array
     kept_steps: tuple[int, ...] = eqx.field(static=True)
     heated: HeatedContact | None = None
+    bodies: tuple[Stack, ...] = ()
     kind: ClassVar[str] = TRANSIENT
 
     friction, friction_error = of_friction.friction, of_steps.friction_error
@@ -63,17 +66,17 @@ class TransientSliding(AbstractSliding):
     flow_along_x, flow_along_y = gap_flow.flow_along_x, gap_flow.flow_along_y
     flow_along_x_error = flow_along_x.error(gap_flow.flow_errors(0, *of_steps.CAUSES))
     flow_along_y_error = flow_along_y.error(gap_flow.flow_errors(1, *of_steps.CAUSES))
-    slope_in_contact = checks.slope_in_contact
-    extrapolated_times = checks.extrapolated_times
-    largest_step = checks.largest_step
-    error, num_fft_pairs = checks.error, checks.num_fft_pairs
+    slope_in_contact = warnings.slope_in_contact
+    extrapolated_times = warnings.extrapolated_times
+    largest_step = warnings.largest_step
+    error, num_fft_pairs = warnings.error, warnings.num_fft_pairs
 
     times = property(attrgetter("problem.times"))
     displacement = property(attrgetter("contact.displacement"))  # at the kept times
     moved = property(attrgetter("problem.moved"))
 
     def neighbours(self) -> neighbours.Neighbours:
-        return of_steps.neighbours_of(self)
+        return of_steps.neighbours_in_time(self)
 
     @property
     def field_times(self) -> Float[Array, " kept"]:

@@ -7,7 +7,7 @@ at once (`contacts/operators/space_time.py`), without steps in time.
 Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
 motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
 their sum to heat: T Σ -ω Im M |σ_qω|². Shear in the contact acts along the motion at each time; the
-coupling of its traction is that of `isothermal.py`.
+traction is coupled as in `isothermal.py`.
 """
 
 import jax.numpy as jnp
@@ -24,7 +24,6 @@ from ...core.memory import CYCLE, CYCLE_COUNTERFACE, check_memory
 from ...fields.grid import Grid
 from ...kernels.periodic import periodic_kernel
 from ...kernels.tangential import periodic_tangential_kernels
-from ...materials.coverage import coverage
 from ...response.grading import graded_tolerance
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling, middle_of
@@ -36,7 +35,7 @@ from ..shear import is_coupled, shear_stress
 
 def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
     """Returns the problem of a case with a period, and whether its kernel is good."""
-    surface, law = case.rough, case.law
+    surface, law = case.surface, case.law
     check_periodic(surface)
     check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
@@ -51,30 +50,24 @@ def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
         with within("`counterface`:"):
             other, traction, good = _response(case, case.counterface)
         reached = reached & good
-        counterface = Counterface(
-            at_rest(other),
-            middle_of(other),
-            traction,
-            lags=jnp.iscomplexobj(other),
-            measured_range=coverage(case.counterface),
-        )
+        lags = jnp.iscomplexobj(other)
+        counterface = Counterface(at_rest(other), middle_of(other), traction, lags)
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
     own = None if case.block_surface is None else case.block_surface.heights
     problem = CycleProblem(
         operator=_operator(kernel, counterface, case.displacement, grid),
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
         period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
-        block_heights=own,
-        measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
+        block_heights=own, prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return problem, reached
 
 
 def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
     """The kernel of a body, its coupling by traction or None, and whether they are good."""
-    grid, num_times, period = case.rough.grid, len(case.displacement), case.period
+    grid, num_times, period = case.surface.grid, len(case.displacement), case.period
     kernel, error = periodic_kernel(stack, grid, num_times, period)
-    reached = error <= graded_tolerance(stack, None, grid.size)
+    reached = error <= graded_tolerance(stack, grid.size)
     if not is_coupled(case.shear):
         return kernel, None, reached
     axes = components(case.displacement).shape[1]

@@ -8,8 +8,8 @@ deforms. The fixed point is found in steps of a contact and its temperatures
 materials can have, then by Anderson's acceleration. The derivative is implicit.
 
 With `slide_cycle(..., heating=...)` one temperature of each depth holds for the whole cycle. It is
-that of steady sliding at the mean speed and the mean load of the cycle, times the mean power of the
-cycle over the power of that sliding. The power is that of all forces, friction and load: what the
+found in steady sliding at the mean speed and the mean load of the cycle, times the mean power of
+the cycle over the power of this sliding. The power is of all forces, friction and load: what the
 block loses and what heats the interface. What the counterface loses is made at its surface,
 distributed as the pressure, which overestimates its effect. This is a mean: at the highest speed
 the contact is warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since
@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ...blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
+from ...blocks.heated_stack import check_heated, heated
 from ...blocks.stack import Stack
 from ...contacts.area import area_in_doubt
 from ...contacts.solution import RESULTS, ContactSolution, ended
@@ -40,11 +40,12 @@ from ...surfaces.surface import check_periodic
 from ..case import Case, Heating, facts_of
 from ..formulas import indicator_of, lengths
 from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
-from ..interior.heat_source import check_series, gauss_within, heat_where, intervals, shear_heat
+from ..interior.heat_source import gauss_within, heat_source, intervals, shear_heat
 from ..motion.over_period import refined
 from ..numbers.traction import interface_power
 from ..numerics import Numerics
 from ..result import CyclicSliding, Sliding
+from ..result.temperatures import HeatedContact
 from .isothermal import solve_isothermal
 
 NUM_CELLS = 8  # of the depth, each at one temperature
@@ -57,7 +58,7 @@ def solve_heated(
     case: Case, numerics: Numerics, start: Numbers | None = None
 ) -> Sliding | CyclicSliding:
     """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
-    grid, dtype = case.rough.grid, case.rough.grid.size.dtype
+    grid, dtype = case.surface.grid, case.surface.grid.size.dtype
     temperature = _bulk_of(case)
     say_compiling("a heated contact: minutes on large grids")
     edges, padded, finer = _cells(grid, NUM_CELLS)
@@ -103,13 +104,14 @@ def solve_heated(
         x = attach_fixed_point(image, given, x)
         warm = _warm_contact(numerics, x, given, edges, known=known)
     solution = _ended(warm.found.contact, point.error <= rtol, has_reached(x, most), numerics.throw)
-    own = warm.bodies[0], x[0], x[1 : NUM_CELLS + 1]
-    of_counterface = (warm.bodies[1], x[NUM_CELLS + 2 :]) if warm.bodies[1:] else (None, None)
+    rises = x.reshape(len(case.bodies), -1)
+    of_counterface = rises[1, 1:] if len(rises) > 1 else None
+    errors = point.error, *errors
     return dataclasses.replace(
         warm.found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
         problem=dataclasses.replace(warm.found.problem, facts=facts_of(case)),
-        heated=HeatedContact(*own, edges, point.error, *errors, *of_counterface),
+        heated=HeatedContact(rises[0, 0], rises[0, 1:], edges, *errors, of_counterface),
     )
 
 
@@ -117,12 +119,11 @@ class _Warm(NamedTuple):
     """A contact at given temperatures, and the heat that it makes.
 
     `found` is the contact of the case; `steady` the sliding whose heat, times `factor`, warms both
-    `bodies`, the contact itself but for a cycle; `lost` is what the counterface loses [W/m²].
+    bodies, the contact itself but for a cycle; `lost` is what the counterface loses [W/m²].
     """
 
     found: Sliding | CyclicSliding
     steady: Sliding
-    bodies: list[Stack]
     factor: Array | float = 1.0
     lost: Array | float = 0.0
 
@@ -145,10 +146,11 @@ def _warm_contact(
         s = cast(Sliding, solve_isothermal(inner, numerics, starts[1], known[1]))
         own = s.friction * jnp.mean(s.pressure) * s.speed
         factor = jnp.where(own > 0, power / jnp.where(own > 0, own, 1), 0)
-        return _Warm(found, s, bodies, factor, found.counterface_power)
+        return _Warm(found, s, factor, found.counterface_power)
     if (ratio := case.strain_per_slope) is not None:
         bodies[0] = at_strain(bodies[0], ratio * found.slope_in_contact)
-    return _Warm(found, found, bodies)
+        found = dataclasses.replace(found, bodies=tuple(bodies))
+    return _Warm(found, found)
 
 
 def _ended(contact: ContactSolution, settled, hottest, throw: bool) -> ContactSolution:
@@ -163,7 +165,7 @@ def _ended(contact: ContactSolution, settled, hottest, throw: bool) -> ContactSo
 
 def _bulk_of(case: Case) -> Array:
     """The bulk temperature of a case [K]; raises `ValueError` where `heating` is refused."""
-    check_periodic(case.rough)
+    check_periodic(case.surface)
     for name, body in zip(("stack", "counterface"), case.bodies, strict=False):
         check_heated(name, body)
     if (
@@ -172,8 +174,8 @@ def _bulk_of(case: Case) -> Array:
         and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
     ):
         raise ValueError("`heating` is refused: `displacement` does not move.")
-    temperature = as_temperature(check_bulk(case.temperature))
-    temperature = temperature.astype(case.rough.grid.size.dtype)
+    temperature = as_temperature(case.temperature)
+    temperature = temperature.astype(case.surface.grid.size.dtype)
     for body in case.bodies:
         body.at(temperature)  # refuses what a material cannot have
     return temperature
@@ -184,17 +186,25 @@ def _of_mean(case: Case, cycle: CyclicSliding) -> tuple[Case, Array]:
 
     The velocity is along the fastest part of the path, if the path is not straight.
     """
+    mean, power = _mean_of(cycle)
+    steady = dataclasses.replace(
+        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
+        pressure=cycle.contact.mean_pressure, mean_gap=None,
+    )  # fmt: skip
+    return steady, power
+
+
+@derivative_apart
+@compiled
+def _mean_of(cycle: CyclicSliding) -> tuple[Array, Array]:
+    """The velocity of a cycle whose speed is the mean one, and its mean power."""
     velocity = refined(cycle.motion_of_surface[0])
     speed = lengths(velocity)
     # There and back it is as fast: the first of them, which rounding must not choose.
     top = jnp.argmax(speed >= (1 - 1e-9) * jnp.max(speed))
     mean = jnp.mean(speed) * velocity[top] / speed[top]
-    steady = dataclasses.replace(
-        case, displacement=None, period=None, velocity=mean.reshape(cycle.displacement.shape[1:]),
-        pressure=cycle.contact.mean_pressure, mean_gap=None,
-    )  # fmt: skip
     # With coupling some of the work of shear is lost in the block: it counts once.
-    return steady, cycle.dissipated_power + interface_power(cycle)
+    return mean, cycle.dissipated_power + interface_power(cycle)
 
 
 def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
@@ -234,9 +244,9 @@ def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack]
 
 def _rises(warm: _Warm, case: Case, edges) -> Array:
     """The mean rises over the contact of the surface and of the cells of each body [K]."""
-    block, s = warm.bodies[0], warm.steady
-    nodes, needed = _nodes(case.bodies, block, edges)
-    source = heat_where(needed, s, block, nodes[0][0])
+    s = warm.steady
+    nodes, needed = _nodes(case.bodies, s.bodies[0], edges)
+    source = heat_source(s, nodes[0][0], needed)
     given = case.heating, case.bodies, nodes, source, edges
     return _risen(warm.factor, warm.lost, s, *given)
 
@@ -245,7 +255,6 @@ def _rises(warm: _Warm, case: Case, edges) -> Array:
 @compiled
 def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
     """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
-    check_series(block)
     nodes = [gauss_within(body, edges) for body in bodies]
     return nodes, nodes[0][1] > 0
 

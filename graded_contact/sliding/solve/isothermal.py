@@ -8,7 +8,7 @@ d is the displacement that is no part of the kernel, else 0: M_ze τ under a tra
 what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it is that under the
 pressure before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
 the traction has the direction in which the surface moves at each time. While the surface rests
-there is none: the law is that of gross sliding.
+there is none: the law is for gross sliding.
 """
 
 import dataclasses
@@ -22,6 +22,7 @@ from ...core.compilation import compiled
 from ...core.derivative import still
 from ...core.fixed_point import attach_fixed_field, find_fixed_point
 from ...fields.devices import required
+from ...materials.coverage import coverage
 from ..bodies import lags
 from ..case import Case
 from ..formulas import lift
@@ -31,7 +32,7 @@ from ..result import CyclicSliding, Sliding, result_of
 from .cycle import cycle_problem
 from .steady import steady_problem
 
-_LOOSER = 10  # tolerance of the traction over that of the pressure, whose noise it has
+_LOOSER = 10  # tolerance of the traction over the pressure's, whose noise it has
 
 
 def solve_isothermal(
@@ -40,7 +41,8 @@ def solve_isothermal(
     """Returns the contact of a case without its heat; arguments as of `solve_contact`."""
     pose = cycle_problem if case.velocity is None else steady_problem
     problem, reached = pose(case)
-    load = case.load
+    load, ranges = case.load, tuple(map(_coverage, case.bodies))
+    problem = dataclasses.replace(problem, measured_ranges=ranges)
     if how.throw:  # under `jit` only the program itself can raise
         operator = problem.operator
         kernel = required(operator.kernel, reached, RESULTS.inaccurate_kernel.error_if)
@@ -50,10 +52,10 @@ def solve_isothermal(
         found = _lagged(problem, load, how, start, solution)
     else:
         found = result_of(problem, problem.contact(load, how, None, start, solution))
-    if how.throw:
-        return found
-    contact = ended(found.contact, reached, RESULTS.inaccurate_kernel)
-    return dataclasses.replace(found, contact=contact)
+    contact = found.contact
+    if not how.throw:
+        contact = ended(contact, reached, RESULTS.inaccurate_kernel)
+    return dataclasses.replace(found, contact=contact, bodies=case.bodies)
 
 
 def _lagged(
@@ -103,4 +105,4 @@ def _lagged(
     return dataclasses.replace(found, contact=contact)
 
 
-_lift = compiled(lift)
+_lift, _coverage = compiled(lift), compiled(coverage)

@@ -18,6 +18,7 @@ from ...core.derivative import still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
 from ...kernels.memory import creep_of, node_count
+from ...materials.coverage import coverage
 from ..case import COUPLED, GROUND, Case, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
 from ..motion.over_period import components
@@ -34,7 +35,7 @@ _WINDOW = 1.4  # times these on a window, for the responses of its table
 
 def transient_problem(case: Case) -> TransientProblem:
     """Returns the problem of a case with displacements at times."""
-    surface, times = case.rough, case.times
+    surface, times = case.surface, case.times
     check_one_law(case.law)
     grid, count = surface.grid, len(times)
     facts = facts_of(case)
@@ -42,13 +43,15 @@ def transient_problem(case: Case) -> TransientProblem:
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
     load = check_gap(not surface.periodic, GROUND in facts, **case.load)
     loading = loading_of(case.law, surface.heights[None], count, **load)
-    given = next(value for value in loading if value is not None).reshape(count)
+    given = next(value for value in loading if value is not None)
+    given = jnp.broadcast_to(given.ravel(), count)
     if case.approach is not None:  # by the lowest place, which half the grid lacks
         given = given + jnp.mean(surface.heights)
     problem = TransientProblem(  # pyright: ignore[reportCallIssue] (`operator` is a property)
         bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=given,
         shear=stress, prescribed=case.prescribed, facts=facts, path=path,
+        measured_ranges=tuple(map(coverage, case.bodies)),
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
     forces = 1 + components(case.displacement).shape[1] if is_coupled(case.shear) else 1
@@ -65,14 +68,14 @@ def _path_of(case: Case) -> tuple[int, ...]:
     # Inside of a program what is known stays known only if nothing of JAX's touches it.
     moved, size = (
         given if is_concrete(given) else still(given)
-        for given in (case.displacement, case.rough.grid.size)
+        for given in (case.displacement, case.surface.grid.size)
     )
     if not (is_concrete(moved) and is_concrete(size)):
         raise ValueError(
             "`displacement` must be known on a window, outside of `jit` and `vmap`: the bodies "
             "remember all of its path. Derivatives are allowed."
         )
-    path = np.array(case.rough.grid.shape)
+    path = np.array(case.surface.grid.shape)
     steps = np.asarray(size) / path
     for axis, column in enumerate(np.asarray(moved).reshape(len(moved), -1).T):
         far = math.ceil(np.ptp([0, *column]) / steps[axis] - 1e-6)
@@ -108,8 +111,8 @@ def on_grid(
     )  # fmt: skip
     if path is not None or len(chosen) < len(found.times):
         problem = _with_creeps(problem)
-    solver = DouglasRachford(newton=is_concrete(problem.given))
-    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
+    # Newton steps, which take long to compile, are not needed: each step starts close to its end.
+    how = Numerics(rtol=NEIGHBOURS_RTOL, solver=DouglasRachford(newton=False), throw=False)
     kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
     return dataclasses.replace(found, **solved(problem, how, kept))
 
@@ -131,5 +134,6 @@ def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> d
         result=state.result, **of_steps,
     )  # fmt: skip
     return dict(
-        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept
-    )
+        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept,
+        bodies=problem.bodies,
+    )  # fmt: skip

@@ -1,6 +1,6 @@
 """The steps of a transient solve one after the other, in segments of about √n.
 
-A derivative is that of the contact of each step. It keeps the contacts, and computes the memory
+A derivative differentiates the contact of each step. It keeps the contacts, and computes the memory
 once more from the first step of each segment on.
 """
 
@@ -17,7 +17,8 @@ from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
 from ..transient_problem import TransientProblem
-from .steps import STEP_CONTACT, Advance, TransientState, steps_given
+from .step_inputs import steps_given
+from .steps import STEP_CONTACT, Advance, TransientState
 from .waves import TransientWaves
 
 
@@ -26,7 +27,7 @@ def run_transient(
 ) -> tuple[TransientState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
     # The program is that of all bodies.
-    return _run(dataclasses.replace(problem, bodies=()), how, kept)
+    return _run(dataclasses.replace(problem, bodies=(), measured_ranges=()), how, kept)
 
 
 @compiled_loop

@@ -25,10 +25,10 @@ class TransientWaves(eqx.Module):
 
     **Fields:**
 
-    - `grid`: of the block's surface that waves fill: the cell, or that of a window's whole path.
+    - `grid`: of the block's surface that waves fill: the cell, or one for a window's whole path.
     - `surface`: points of the rough surface, which is its first part. Static.
     - `shares`: of each force, what a table of `Creep` is multiplied with; at positive numbers.
-    - `axes`: of each force: that of a component of traction, or None. Static.
+    - `axes`: of each force: the axis of a component of traction, or None. Static.
     - `memories`: w_k M(s_k) of the waves of each force, of the shape `(nodes, *waves)`.
     """
 
