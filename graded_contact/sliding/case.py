@@ -188,7 +188,7 @@ class Case(eqx.Module):
     def _check_times(self, grid: Grid) -> None:
         for name, refused in (("period", self.period), ("heating", self.heating)):
             if refused is not None:
-                raise ValueError(f"`{name}` is refused with `times`: give one of the two.")
+                raise ValueError(f"`{name}` is not supported with `times`.")
         times = self.times
         check_rows(1, times=times)
         check_path(self.displacement, len(times), grid.ndim)

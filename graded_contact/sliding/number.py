@@ -41,7 +41,7 @@ REMEDIES = {
     "grid": "more points",
     "time": "more times",
     "memory": "a shorter motion",
-    "kernel": "on a window a larger one",
+    "kernel": "a larger non-periodic surface",
 }
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
@@ -106,7 +106,7 @@ class Observable(property):
         **Arguments:**
 
         - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a
-          window) or "temperature". `error_parts` of a result returns them.
+          non-periodic surface) or "temperature". `error_parts` of a result returns them.
         - `over`: the relative error of a number by its name; above `WARN_ABOVE` there is a warning.
           None: there is none.
         - `needs`: facts of the contacts that have the error, beside those that have the number.
@@ -201,7 +201,7 @@ class AbstractSliding(eqx.Module):
 
     @property
     def near(self) -> Any:
-        """Those contacts, which are kept unless they are traced."""
+        """Contacts on coarser grids, computed once; under tracing they are not stored."""
         near = self.kept.near
         if near is None:
             # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.

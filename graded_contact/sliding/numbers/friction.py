@@ -3,8 +3,8 @@
 In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇h⟩ exactly. On a grid the two
 differ by ⟨σ ∇u⟩, which arises at the edges of the contact. `friction` uses the slope of the
 displacement, which converges faster (ten times less error at 8 points per shortest wavelength,
-`benchmarks/bench_contact.py`). `geometric_friction` uses the slope of the surface. The difference
-of the two is the error of the grid.
+`benchmarks/bench_contact.py`). `geometric_friction` uses the slope of the surface. A part
+of their difference counts as an error of the grid.
 """
 
 import jax

@@ -55,8 +55,8 @@ BEYOND_TIMES = Above(
 )
 ON_THE_RIM = Above(
     1e-3,
-    "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the body "
-    "ends there.",
+    "{value:.2g} of the load acts on the outermost points of a non-periodic surface. Take a larger "
+    "surface, unless the body ends there.",
 )
 TOO_FAST = Above(
     1 + WARN_ABOVE,
@@ -190,9 +190,9 @@ def extrapolated_times(found: Found) -> Array:
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
 
 
-@observable("share of the load on the rim of the window", needs=[WINDOW], warns=ON_THE_RIM)
+@observable("share of the load on the outermost points", needs=[WINDOW], warns=ON_THE_RIM)
 def rim_load(found: Found) -> Array:
-    """Share of the load on the outermost points of a window [1]; NaN without a load."""
+    """Share of the load on the outermost points of a non-periodic surface [1]."""
     rim = np.full(found.grid.shape, WINDOW in found.facts)
     rim[(slice(1, -1),) * found.grid.ndim] = False
     return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)

@@ -37,12 +37,12 @@ def steady_coupling(
 ) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
     """Returns the coupling of a body of a `Case`, errors of M_ze, and whether it is good.
 
-    `velocity` is that of the surface over the body; `cells` are the cell of a periodic surface,
-    or the two of a window, which has errors.
+    `velocity` is the surface's over the body; `cells` are the cell of a periodic surface, or two
+    for a non-periodic one, which has errors.
     """
     if len(cells) == 2 and not isinstance(case.shear, Coulomb):
         raise ValueError(
-            "`shear` is refused: on a window only the traction of `Coulomb` can move the surface. "
+            "`shear` is not supported: on a non-periodic surface only `Coulomb` can be coupled. "
             "Pass `coupled=False`, or put the body into a periodic cell."
         )
     direction, velocity = direction_and_speed(case.velocity)[0], as_float(velocity)

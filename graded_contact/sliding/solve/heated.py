@@ -12,8 +12,8 @@ found in steady sliding at the mean speed and the mean load of the cycle, times 
 the cycle over the power of this sliding. The power is of all forces, friction and load: what the
 block loses and what heats the interface. What the counterface loses is made at its surface,
 distributed as the pressure, which overestimates its effect. This is a mean: at the highest speed
-the contact is warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since
-the last one, which is so if the stroke is longer than the spots of contact.
+the contact is warmer, and at a turn it cools. The model assumes that rubber cools
+between passes, which holds if the stroke is longer than the spots of contact.
 """
 
 import dataclasses

@@ -5,8 +5,8 @@
                                            └──     d(pressure)     ───┘
 
 d is the displacement that is no part of the kernel, else 0: M_ze τ under a traction, and in a cycle
-what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it is that under the
-pressure before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
+what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it uses the pressure
+before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
 the traction has the direction in which the surface moves at each time. While the surface rests
 there is none: the law is for gross sliding.
 """
