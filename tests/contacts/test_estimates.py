@@ -5,12 +5,11 @@ from typing import Any
 
 import jax
 import numpy as np
-import pytest
-from conftest import BODIES, LAWS, SPEED, rough
+from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
 
-GRID = gc.Grid((32, 32), 1.0)
+GRID = gc.Grid((16, 16), 1.0)
 SURFACE = rough(GRID, cut=4)
 LOAD = 0.05
 
@@ -31,12 +30,10 @@ def test_errors_of_loose_solves_are_within_their_claims():
         assert wrong <= found.error_parts("contact_area")["solver"]
 
 
-@pytest.mark.parametrize("name", ["hard", "hardness"])
-def test_errors_of_pressures_and_gaps_are_within_their_claims(name):
-    kernel, law = gc.stack_kernel(BODIES["coated"], GRID, SPEED), LAWS[name]
+def test_errors_of_pressures_and_gaps_are_within_their_claims():
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
     best, *all_found = (
-        gc.solve_contact(kernel, SURFACE.heights, LOAD, law=law, rtol=rtol)
-        for rtol in (1e-10, 1e-2, 1e-4)
+        gc.solve_contact(kernel, SURFACE.heights, LOAD, rtol=rtol) for rtol in (1e-10, 1e-2, 1e-4)
     )
     for found, rtol in zip(all_found, (1e-2, 1e-4), strict=True):
         off = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
@@ -62,7 +59,7 @@ def test_the_error_of_friction_is_the_change_by_the_correction_with_these_margin
 
 def test_an_exact_contact_claims_rounding():
     """Pressures of few points are eliminated: friction is then known to its last digits."""
-    found, best = (slide(pressure=5e-3, rtol=rtol) for rtol in (1e-9, 1e-13))
+    found, best = (slide(pressure=5e-3, rtol=rtol) for rtol in (1e-9, 1e-12))
     assert 1 < np.sum(found.pressure > 0) < 100
     assert abs(found.friction - best.friction) <= found.error_parts("friction")["solver"] <= 1e-12
     assert found.error_parts("friction")["solver"] > 0
