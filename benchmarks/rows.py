@@ -1,7 +1,7 @@
 """What all benchmarks share: options, time, goals, and rows that `results/*.csv` store.
 
 A function is a section, its parameters are the options of the command line: `run` reads them. The
-site shows the rows of the last run. A file is named after the command that fills it:
+site shows the stored rows. A file is named after the command that fills it:
 `bench_contact-elastic.csv` for `python benchmarks/bench_contact.py elastic`,
 `bench_contact-hard--count.csv` for `... hard --count`.
 """

@@ -99,7 +99,8 @@ def write_rows() -> None:
         ]
         table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
         command = path.stem.replace("-", ".py ", 1)
-        note = f"`python benchmarks/{command}`, {rows[0]['measured']}"
+        runs = "; ".join(sorted({row["measured"] for row in rows}))
+        note = f"`python benchmarks/{command}`, {runs}"
         (folder / f"{path.stem}.md").write_text(f"{table}\n\n{note}\n", "utf-8")
 
 

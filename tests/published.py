@@ -1,7 +1,6 @@
-"""Scenes of published results, solved by the package: numbers to put beside those of others.
+"""Scenes of published results, solved by the package: numbers to put beside published ones.
 
-Sources and verdicts are on the site's page "Published results"; `bench_published.py` stores the
-rows, and `tests/test_published.py` checks them.
+Sources and differences are on the page "Validation"; `tests/test_published.py` checks them.
 """
 
 import axisymmetric

@@ -21,7 +21,7 @@ SPECTRUM = gc.SelfAffine(
     rms_slope=0.1, hurst=0.8, q_low=LONGEST, q_roll=2 * LONGEST, q_high=32 * LONGEST
 )
 PLAIN = gc.contacts.DouglasRachford(newton=False)
-SHARP = {"rtol": 1e-10, "solver": PLAIN, "adjoint": gc.contacts.LinearSplitting(rtol=1e-9)}
+SHARP = {"rtol": 1e-10, "solver": PLAIN, "derivative_rtol": 1e-9}
 
 
 def surface_of(heights, periodic=True):

@@ -123,7 +123,7 @@ def test_pages_claim_what_is_stored():
     partial, full = peers["0.01"] + peers["0.1"], peers["0.3"]
     gradients = stored("contact-gradient", "gradient over friction")
     claims = (
-        f"{1e15 * stored('response-hard', 'error: worst', stacks='all')[0]:.0f}·10⁻¹⁵",
+        f"{1e15 * stored('response-hard', 'error: worst', stacks='all')[0]:.1f}·10⁻¹⁵",
         f"{min(partial):.0f} to {max(partial):.0f} times faster than by Tamaas",
         f"full contact {min(full):.0f} to {max(full):.0f})",
         f"at most {max(gradients):.2f} solves",

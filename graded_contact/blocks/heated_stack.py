@@ -1,7 +1,6 @@
 """A block whose temperature varies with depth."""
 
 import dataclasses
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,15 +8,6 @@ from jaxtyping import Array
 
 from ..materials.material import Elastic
 from .stack import HalfSpace, Layer, Stack, is_graded
-
-
-def check_bulk(temperature: Any) -> Any:
-    """Returns the bulk temperature; raises `ValueError` for None."""
-    if temperature is None:
-        raise ValueError(
-            "`temperature=None` is refused with `heating`: give the bulk temperature [K]."
-        )
-    return temperature
 
 
 def check_heated(name: str, stack: Stack) -> None:

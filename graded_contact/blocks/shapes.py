@@ -5,7 +5,6 @@ between 0 and 1. The layer is then cut there, and convergence is as fast as with
 """
 
 import abc
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -37,9 +36,7 @@ class AbstractShape(eqx.Module):
         """Returns φ(s)."""
 
 
-def shape_called(name: str) -> Callable[[Any], AbstractShape]:
-    """Returns the converter of a field that holds a shape."""
-    return instance(name, AbstractShape, "a shape, such as `Linear()` or `PowerLaw(2.0)`")
+as_shape = instance("shape", AbstractShape, "a shape, such as `Linear()` or `PowerLaw(2.0)`")
 
 
 class Linear(AbstractShape):

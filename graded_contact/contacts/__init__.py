@@ -4,7 +4,6 @@ No file of this room knows layers.
 """
 
 from .adhesion import AdhesiveLJ, ExponentialAdhesion
-from .adjoint import LinearSplitting
 from .law import AbstractLaw, HardWall, RepulsiveLJ
 from .operators.operator import AbstractOperator, Solid, Steady
 from .solution import RESULTS, ContactSolution
@@ -17,6 +16,6 @@ from .solver.splitting import Splitting
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",
     "ContactSolution", "DouglasRachford", "ExponentialAdhesion", "HardWall",
-    "LinearSplitting", "Loading", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
+    "Loading", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
     "Splitting", "Steady", "run_steps", "solve_contact",
 ]  # fmt: skip

@@ -16,12 +16,12 @@ import jax.numpy as jnp
 
 from ..core.checks import check_positive, check_values, scalar
 from ..core.display import shown
-from .law import AbstractLaw, Bound, indicator_of_gap, power, proximal_root, repulsive_bracket
-from .operators.operator import Field, Scalar
+from .law import AbstractLaw, Bound, SmoothLaw, power, proximal_root, repulsive_bracket
+from .operators.operator import Scalar
 
 
 @shown(units=False)
-class AdhesiveLJ(AbstractLaw):
+class AdhesiveLJ(SmoothLaw):
     """The Lennard-Jones potential integrated over two half spaces: σ = (8w/3ε) [(ε/u)⁹ - (ε/u)³].
 
     The work against it from u = ε to infinity is w; its greatest tension, 1.03 w/ε, is at
@@ -61,10 +61,6 @@ class AdhesiveLJ(AbstractLaw):
     def in_units(self, pressure: Bound, length: Bound) -> "AdhesiveLJ":
         return AdhesiveLJ(self.range / length, self.work / (pressure * length), self.contact_gap)
 
-    def pressure_at(self, gap: Field) -> Field:
-        """Returns σ(u) [Pa]."""
-        return self._pressure_and_slope(gap / self.range)[0]
-
     def _pressure_and_slope(self, t):
         (near, d_near), (far, d_far) = power(t, 9), power(t, 3)
         return self._scale * (near - far), self._scale * (d_near - d_far)
@@ -75,9 +71,6 @@ class AdhesiveLJ(AbstractLaw):
         low, _ = repulsive_bracket(shifted, self._scale / 2, self.range)
         _, high = repulsive_bracket(v, self._scale, self.range)
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 16)
-
-    def contact_indicator(self, pressure, gap, stiffness):
-        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
 @shown(units=False)

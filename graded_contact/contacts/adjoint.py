@@ -21,16 +21,13 @@ N = 256, to 1e-6). If few points are in contact a dense system is solved instead
 because the iteration takes thousands of steps if moduli are far apart.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one, varying
 from ..fields.devices import required
 from .operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
@@ -38,61 +35,39 @@ from .solver.abstract_solver import Inputs, run_steps, slope
 from .solver.active_set import green_of, most_eliminated, solve_on_few
 from .solver.splitting import Splitting, draft
 
-# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
-# and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
-LinearSolver = Callable[..., Field]
+MAX_STEPS = 20_000  # of a linear solve
 
 
-class LinearSplitting(eqx.Module):
-    """Settings of the splitting for a law linearised at a solution, y = s v. All static.
+def solve_linear(
+    operator: AbstractOperator, weights: Field, rhs: Field, rtol, free_mean: bool, max_steps: int
+) -> Field:
+    """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s.
 
-    **Fields:**
+    **Arguments:**
 
-    - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
-      the contact's, at most 1e-3.
+    - `operator`: ρM, or its adjoint.
+    - `weights`: s, the slope of the law's proximal map at each point.
+    - `rhs`: the right side.
+    - `rtol`: relative error that ends it.
+    - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
+      √|s|.
     - `max_steps`: largest number of steps.
+
+    **Returns:** τ, NaN if it did not converge.
     """
-
-    rtol: float | None = eqx.field(default=None, static=True)
-    max_steps: int = eqx.field(default=20_000, static=True)
-
-    def __check_init__(self):
-        if self.rtol is not None:
-            check_tolerance("rtol", self.rtol, np.zeros(()))
-        check_whole("max_steps", self.max_steps, 1)
-
-    def __call__(
-        self, operator: AbstractOperator, weights: Field, rhs: Field, *, rtol, free_mean=False
-    ) -> Field:
-        """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s.
-
-        **Arguments:**
-
-        - `operator`: ρM, or its adjoint.
-        - `weights`: s, the slope of the law's proximal map at each point.
-        - `rhs`: the right side.
-        - `rtol`: relative error that ends it, unless the solver has its own.
-        - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
-          √|s|.
-
-        **Returns:** τ, NaN if it did not converge.
-        """
-        if self.rtol is not None:
-            check_tolerance("rtol", self.rtol, rtol)
-            rtol = jnp.asarray(self.rtol, rtol.dtype)
-        root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
-        few, eliminated = _on_few(operator, weights, root, sign, rhs, free_mean)
-        share = jnp.maximum(jnp.mean(root), 1 / root.size)
-        solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
-        proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
-        splitting = Splitting(solid, jnp.zeros_like(share), proximal, rtol, share)
-        max_steps = jnp.where(few, 0, self.max_steps)  # no steps if the system was eliminated
-        z, _ = draft(splitting, root * rhs, max_steps=max_steps)
-        last = run_steps(splitting, z, max_steps)
-        x = splitting.solid.resolve(last.z)
-        tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
-        found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
-        return jnp.where(found, tau, jnp.nan)
+    root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
+    few, eliminated = _on_few(operator, weights, root, sign, rhs, free_mean)
+    share = jnp.maximum(jnp.mean(root), 1 / root.size)
+    solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
+    proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
+    splitting = Splitting(solid, jnp.zeros_like(share), proximal, rtol, share)
+    max_steps = jnp.where(few, 0, max_steps)  # no steps if the system was eliminated
+    z, _ = draft(splitting, root * rhs, max_steps=max_steps)
+    last = run_steps(splitting, z, max_steps)
+    x = splitting.solid.resolve(last.z)
+    tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
+    found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
+    return jnp.where(found, tau, jnp.nan)
 
 
 def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: bool):
@@ -126,20 +101,19 @@ class State(NamedTuple):
 
 @eqx.filter_custom_jvp
 def attach_gradient(
-    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar,
-    throw: bool,
-) -> State:  # fmt: skip
+    inputs: Inputs, state: State, gap: Field, penalty: Scalar, rtol: Scalar, throw: bool
+) -> State:
     """Returns `state` unchanged, with its derivative by `inputs`.
 
     `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
-    not checked. A derivative costs one call of `adjoint` in either mode.
+    not checked. A derivative costs one linear solve in either mode.
     """
     return state
 
 
 @attach_gradient.def_jvp
 def _attached_jvp(primals, tangents):
-    inputs, state, gap, penalty, adjoint, rtol, throw = primals
+    inputs, state, gap, penalty, rtol, throw = primals
     change: Inputs = tangents[0]
     operator = inputs.operator
     # Attached again, so that a derivative of the rule itself moves with the state.
@@ -156,8 +130,7 @@ def _attached_jvp(primals, tangents):
         rhs, d_load = rhs - penalty * d_gap, None
     elif d_load is None:
         d_load = 0.0
-    solve = _or_fail(adjoint) if throw else adjoint
-    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, solve, rtol)
+    d_pressure = response(operator.scaled(penalty), s, by_law, rhs, d_load, rtol, throw=throw)
     d_displacement = operator.displace(d_pressure) + by_operator
     if not free_mean:
         left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
@@ -166,21 +139,10 @@ def _attached_jvp(primals, tangents):
 
 
 _NOT_A_NUMBER = (
-    "A derivative of the contact is not a number: its linear solve did not converge (raise "
-    "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is not "
-    "a number. Friction without a load has no derivative."
+    "A derivative of the contact is not a number: its linear solve did not converge (loosen "
+    "`derivative_rtol`), or it follows from a derivative that is not a number. Friction without a "
+    "load has no derivative."
 )
-
-
-def _or_fail(adjoint: LinearSolver) -> LinearSolver:
-    """The solver, which fails at run time if its result is not a number."""
-
-    def solve(*system, **how):
-        tau = adjoint(*system, **how)
-        good = ~jnp.any(jnp.isnan(jax.lax.stop_gradient(tau)))
-        return required(tau, good, lambda number, bad: eqx.error_if(number, bad, _NOT_A_NUMBER))
-
-    return solve
 
 
 def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
@@ -199,7 +161,9 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
     return by_law, by_operator, by_heights
 
 
-def response(operator: AbstractOperator, s, known, rhs, load, adjoint: LinearSolver, rtol) -> Field:
+def response(
+    operator: AbstractOperator, s, known, rhs, load, rtol, max_steps=MAX_STEPS, throw=False
+) -> Field:
     """Returns the change dσ with (1 - s) dσ + s (ρM dσ + ρ dū) = (1 - s) `known` + s `rhs`.
 
     **Arguments:**
@@ -208,17 +172,21 @@ def response(operator: AbstractOperator, s, known, rhs, load, adjoint: LinearSol
     - `s`: slope of the law's proximal map at each point.
     - `known`, `rhs`: the right side where the law fixes the pressure, and where the gap.
     - `load`: mean of dσ, with dū free; or None for dū = 0.
-    - `adjoint`, `rtol`: the linear solver and its tolerance.
+    - `rtol`, `max_steps`: of the linear solve.
+    - `throw`: whether it raises if the result is not a number.
     """
     if load is not None:
         share = (load - operator.mean(known)) / nonzero(operator.mean(s))
         known = known + share * s
         rhs = rhs - share * (1 - s)
     rhs = rhs - operator.displace(known)
-    return known + _in_contact(operator, s, rhs, adjoint, rtol, load is None)
+    how = load is None, max_steps, throw
+    return known + _in_contact(operator, s, rhs, rtol, *how)
 
 
-def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol, free_mean: bool):
+def _in_contact(
+    operator: AbstractOperator, s, rhs, rtol, free_mean: bool, max_steps: int, throw: bool
+):
     """√|s| τ, of zero mean unless that is free, where A τ = √|s| rhs."""
     positive = s != 0  # elsewhere √ alone has an infinite slope
     root = jnp.where(positive, jnp.sqrt(jnp.where(positive, jnp.abs(s), 1)), 0)
@@ -237,7 +205,11 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
 
     @one_by_one
     def solve(operator, s, rhs, rtol):
-        return adjoint(operator, s, rhs, rtol=rtol, free_mean=free_mean)
+        tau = solve_linear(operator, s, rhs, rtol, free_mean, max_steps)
+        if not throw:
+            return tau
+        good = ~jnp.any(jnp.isnan(jax.lax.stop_gradient(tau)))
+        return required(tau, good, lambda number, bad: eqx.error_if(number, bad, _NOT_A_NUMBER))
 
     # The adjoint system has the conjugate kernel, so that the same solver serves both modes.
     def solver_for(operator):
@@ -254,10 +226,10 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
     )
 
 
-def opening_by_load(operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol) -> Array:
+def opening_by_load(operator: AbstractOperator, s: Field, rtol) -> Array:
     """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
     nothing, one = jnp.zeros_like(s), jnp.ones((), s.dtype)
-    change = response(operator, s, nothing, nothing, one, adjoint, rtol)
+    change = response(operator, s, nothing, nothing, one, rtol)
     left = (1 - s) * change + s * operator.displace(change)
     return -operator.mean(left) / nonzero(operator.mean(s))
 

@@ -30,7 +30,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .adjoint import LinearSplitting, State, response
+from .adjoint import State, response
 from .operators.operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
 from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, softness
 
@@ -38,8 +38,7 @@ from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, so
 # 30`).
 _SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
 _ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
-_LINEAR = LinearSplitting(max_steps=4000)
-_LINEAR_RTOL = 0.1
+_LINEAR_RTOL, _LINEAR_STEPS = 0.1, 4000
 
 
 def penalty_at(inputs: Inputs, found: SolverOutput) -> Scalar:
@@ -101,7 +100,7 @@ def _response_of(inputs: Inputs, found: SolverOutput):
     missing = None if load is None else load - operator.mean(y)
     rtol = jnp.asarray(_LINEAR_RTOL, y.dtype)
     s = slope(law.proximal, y - law_gap)
-    return response(operator, s, jnp.zeros_like(y), -mismatch, missing, _LINEAR, rtol)
+    return response(operator, s, jnp.zeros_like(y), -mismatch, missing, rtol, _LINEAR_STEPS)
 
 
 def _offset(operator, s, solid_gap, otherwise):

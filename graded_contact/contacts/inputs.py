@@ -124,7 +124,7 @@ def loading_of(
     named = [(name, value) for name, value in given.items() if value is not None]
     if len(named) != 1:
         both = " and ".join(f"`{name}={value}`" for name, value in given.items())
-        raise ValueError(f"{both}: give exactly one of the two.")
+        raise ValueError(f"{both}: exactly one of them must be given.")
     [(name, value)] = named
     value = spread = as_float(value, name)
     if num_times is None or value.ndim:

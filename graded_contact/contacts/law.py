@@ -134,15 +134,28 @@ def never_overlaps(law: AbstractLaw) -> bool:
     return isinstance(law, HardWall) and law.hardness is None
 
 
-def indicator_of_gap(law, pressure, gap, stiffness):
-    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
-    edge = law.contact_gap * law.range
-    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
-    return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
+class SmoothLaw(AbstractLaw):
+    """A law whose pressure is a function of the gap; in contact where u < `contact_gap` ε."""
+
+    range: eqx.AbstractVar[Scalar]
+    contact_gap: eqx.AbstractVar[Scalar]
+
+    @abstractmethod
+    def _pressure_and_slope(self, t: Array) -> tuple[Array, Array]:
+        """The pressure [Pa] at the gap εt, and its derivative by t."""
+
+    def pressure_at(self, gap: Field) -> Field:
+        """Returns σ(u) [Pa]."""
+        return self._pressure_and_slope(gap / self.range)[0]
+
+    def contact_indicator(self, pressure, gap, stiffness):
+        edge = self.contact_gap * self.range
+        gap, pressure = gap - edge, pressure - self.pressure_at(edge)
+        return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
 
 
 @shown(units=False)
-class RepulsiveLJ(AbstractLaw):
+class RepulsiveLJ(SmoothLaw):
     """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
 
     The first term of `AdhesiveLJ`, p being 8w/3ε, as used for contact without adhesion by B. N. J.
@@ -170,10 +183,6 @@ class RepulsiveLJ(AbstractLaw):
     def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
         return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)
 
-    def pressure_at(self, gap: Field) -> Field:
-        """Returns σ(u) [Pa]."""
-        return self._pressure_and_slope(gap / self.range)[0]
-
     def _pressure_and_slope(self, t):
         force, slope = power(t, 9)
         return self.pressure * force, self.pressure * slope
@@ -181,9 +190,6 @@ class RepulsiveLJ(AbstractLaw):
     def proximal(self, v):
         low, high = repulsive_bracket(v, self.pressure, self.range)
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
-
-    def contact_indicator(self, pressure, gap, stiffness):
-        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
 def power(t, n: int):

@@ -17,7 +17,7 @@ from ..core.compilation import compiled, compiled_loop, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient
+from .adjoint import attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
 from .law import AbstractLaw, HardWall, check_one_law, depth_of_flow, never_overlaps
@@ -59,8 +59,8 @@ def solve_contact(
     approach: ScalarLike | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
-    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     rtol: float | None = None,
+    derivative_rtol: float | None = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
@@ -90,15 +90,15 @@ def solve_contact(
     - `law`: of contact.
     - `solver`: algorithm and its limits: see `DouglasRachford`, or `AbstractContactSolver` to write
       a custom one.
-    - `adjoint`: solver of the linear systems of derivatives, and its tolerance: see
-      `LinearSplitting`.
     - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
+    - `derivative_rtol`: the same of a derivative of the pressure; None means twenty times `rtol`,
+      at most 1e-3.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
       speed-up. With a law that attracts, it chooses among several solutions: along a
       path of gaps pass the last one.
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
-      contact is returned, with derivatives.
+      contact is returned, with derivatives. On a window its pressure is a `start`.
     - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve
       of a derivative fails. With False, check `.result`: the fields are returned as they are, with
       their derivatives; a derivative is NaN if its linear solve failed. A `jit` with `throw=False`
@@ -122,30 +122,32 @@ def solve_contact(
     loading = loading_on(operator, law, heights, **given)
     start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
-    return contact_of(inputs, solver, adjoint, rtol, start, solution, throw)
+    return contact_of(inputs, solver, rtol, derivative_rtol, start, solution, throw)
 
 
-def contact_of(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
+def contact_of(inputs: Inputs, solver, rtol, derivative_rtol, start, solution, throw: bool):
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
     if not isinstance(inputs.operator, Window):
-        return _contact_on_cell(inputs, solver, adjoint, rtol, start, solution, throw)
-    whole, start, solution = on_whole(inputs, start, solution)
-    found = _contact_on_cell(whole, solver, adjoint, rtol, start, solution, throw)
+        return _contact_on_cell(inputs, solver, rtol, derivative_rtol, start, solution, throw)
+    whole, start = on_whole(inputs, start if solution is None else solution.pressure)
+    found = _contact_on_cell(whole, solver, rtol, derivative_rtol, start, None, throw)
     return on_part(found, inputs)
 
 
-def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
+def _contact_on_cell(inputs: Inputs, solver, rtol, derivative_rtol, start, solution, throw: bool):
     # In one precision: what ends a solve counts the digits of the fields.
     kernel = inputs.operator.kernel
     dtype = jnp.result_type(inputs.heights, jnp.finfo(kernel.dtype).dtype)
     inputs, start = in_precision((inputs, start), dtype)
     rtol = default_rtol(dtype) if rtol is None else rtol
     check_tolerance("rtol", rtol, inputs.heights)
+    if derivative_rtol is None:
+        derivative_rtol = min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE))
+    check_tolerance("derivative_rtol", derivative_rtol, inputs.heights)
     # Compiled separately: under a derivative the search is compiled already.
     fixed, start, solution = still((inputs, start, solution))
     # As numbers of NumPy: of Python's, JAX would compile a program.
-    tight, loose = rtol, min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE))
-    tolerance, close = (jnp.asarray(dtype.type(value)) for value in (tight, loose))
+    tolerance, close = (jnp.asarray(dtype.type(value)) for value in (rtol, derivative_rtol))
     concrete = all(map(is_concrete, jax.tree.leaves((fixed, start))))
     if solution is not None:
         found = _output_of(fixed, solution)
@@ -154,7 +156,7 @@ def _contact_on_cell(inputs: Inputs, solver, adjoint, rtol, start, solution, thr
     else:
         found = _find_contact(fixed, solver, tolerance, start)
     how = solver.finds_unstable, throw
-    result, good = _solution(inputs, *how, found, adjoint, tolerance, close)
+    result, good = _solution(inputs, *how, found, tolerance, close)
     if throw:
         return required(result, good, result.result.error_if)
     return _unless_failed(result)
@@ -216,7 +218,6 @@ def _solution(
     finds_unstable: bool,
     throw: bool,
     found: SolverOutput,
-    adjoint: LinearSolver,
     rtol,
     close,
 ) -> tuple[ContactSolution, Array]:
@@ -231,7 +232,7 @@ def _solution(
     reached = (jnp.where(closer, error, found.error) <= rtol) & ~jnp.isnan(error)
     state = jax.lax.stop_gradient(contact_state(inputs, found))
     penalty = penalty_at(inputs, found)
-    state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close, throw)
+    state = attach_gradient(inputs, state, found.gap, penalty, close, throw)
     pressure, displacement, mean_gap = state
     if never_overlaps(inputs.law):  # in full contact the error of 0 may be negative
         mean_gap = mean_gap + jax.lax.stop_gradient(jnp.maximum(-mean_gap, 0))

@@ -7,13 +7,13 @@ from jaxtyping import Array
 
 from ..core.compilation import compiled
 from .law import Windowed, depth_of_flow
-from .operators.window import inside, with_ground
+from .operators.window import with_ground
 from .solution import ContactSolution
 from .solver.abstract_solver import Inputs, Loading
 
 
-def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None):
-    """Returns the inputs of the contact on the cell of a window, and its start and solution.
+def on_whole(inputs: Inputs, start: Array | None) -> tuple[Inputs, Array | None]:
+    """Returns the inputs of the contact on the cell of a window, and its start.
 
     The gap of the loading belongs to the undeformed block.
     """
@@ -23,8 +23,7 @@ def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None)
     else:
         operator = with_ground(operator, heights.shape)
     inputs = Inputs(operator, operator.on_cell(heights, "symmetric"), Windowed(law), loading)
-    start = None if start is None else operator.on_cell(start)
-    return inputs, start, None if known is None else _known_on_whole(known, inputs)
+    return inputs, None if start is None else operator.on_cell(start)
 
 
 @compiled
@@ -38,20 +37,3 @@ def on_part(found: ContactSolution, inputs: Inputs) -> ContactSolution:
         found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
         mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(opened),
     )  # fmt: skip
-
-
-@compiled
-def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
-    """The contact on the cell of a window's contact: around it, its pressure's displacement."""
-    operator, heights = inputs.operator, inputs.heights - jnp.mean(inputs.heights)
-    pressure = operator.on_cell(known.pressure)
-    # Nothing is known of the gap around the window but that this pressure opens it.
-    own, offset = operator.displace(pressure), inputs.loading.gap
-    if offset is None:
-        offset = jnp.mean(known.gap) - jnp.mean(operator.on_surface(own))
-    within = inside(pressure.shape)
-    gap = jnp.where(within, operator.on_cell(known.gap), own - heights + offset)
-    displacement, correction = gap + heights - offset, operator.on_cell(known.correction)
-    return dataclasses.replace(
-        known, pressure=pressure, gap=gap, displacement=displacement, correction=correction
-    )

@@ -78,7 +78,7 @@ def node_count(steps: Float[Array, " steps"]) -> int:
 class Creep(eqx.Module):
     """The memory of a block at some wavenumbers, first of pressure, then of traction, if it counts.
 
-    All is that of z over that of `aged` at the end, Q(q) [m], for interpolation between the
+    All responses along z are divided by the final `aged`, Q(q) [m], for interpolation between the
     wavenumbers; of a traction it is without the factor i q·e/|q|.
 
     **Fields:**
@@ -118,7 +118,7 @@ def creep_of(
     """
     check_profiles(stack, -1j * jnp.ones(1, ends.dtype))
     _check_analytic(stack, steps)
-    tolerance = graded_tolerance(stack, None, ends)
+    tolerance = graded_tolerance(stack, ends)
     return _creep(stack, ends, steps, tolerance, coupled, node_count(steps))
 
 

@@ -42,7 +42,7 @@ def periodic_kernel(
     **Returns:** the kernel, frequencies in the order of an FFT on the first axis, 0 at q = 0; real
     if every material is elastic. Nyquist lines are treated as in `in_motion`.
     """
-    rtol = graded_tolerance(stack, None, grid.size)
+    rtol = graded_tolerance(stack, grid.size)
     check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
     return _kernel(stack, grid, num_times, period, rtol)

@@ -39,39 +39,33 @@ _BLOCK_ROWS = 16
 _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 
-def stack_kernel(
-    stack: Stack,
-    grid: Grid,
-    velocity: Numbers = 0.0,
-    *,
-    rtol: float | None = None,
-) -> Inexact[Array, "*half"]:
+def stack_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
 
     Up to six homogeneous layers are evaluated at every wavevector, to rounding. Longer stacks
     and graded layers are interpolated from a table on grids of some size if the velocity is
-    along x. A table that misses `rtol` is replaced by direct evaluation.
+    along x. A table that misses the tolerance of the stack is replaced by direct evaluation.
 
     **Arguments:**
 
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `rtol`: relative tolerance of graded and long stacks; by default the stack's own.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement is part of the mean gap). Nyquist lines have the real part of the mean over both
     signs of that component of q: then the operator is real, and so is its inverse. The kernel is
     real if every material is elastic.
 
-    **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if graded layers do not
+    reach their tolerance.
     """
-    kernel, reached = attempted_kernel(stack, grid, velocity, rtol=rtol)
+    kernel, reached = attempted_kernel(stack, grid, velocity)
     return required(kernel, reached, partial(eqx.error_if, msg=NOT_REACHED))
 
 
 def attempted_kernel(
-    stack: Stack, grid: Grid, velocity, *, rtol=None, strain=None
+    stack: Stack, grid: Grid, velocity, strain=None
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""] | bool]:
     """Returns the kernel, and whether it reached its tolerance; does not raise.
 
@@ -79,12 +73,12 @@ def attempted_kernel(
 
     **Arguments:**
 
-    - `stack`, `grid`, `velocity`, `rtol`: as in `stack_kernel`.
+    - `stack`, `grid`, `velocity`: as in `stack_kernel`.
     - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
       `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
     """
     velocity = checked_velocity(stack, grid, velocity)
-    rtol = graded_tolerance(stack, rtol, grid.size)
+    rtol = graded_tolerance(stack, grid.size)
     oblique = velocity.ndim > 0
 
     def direct():

@@ -36,7 +36,7 @@ def tangential_kernels(
     - `stack`, `grid`, `velocity`, `strain`: as in `stack_kernel`, checked.
     - `direction`: e, of one component (along x) or two.
     """
-    rtol = graded_tolerance(stack, None, grid.size)
+    rtol = graded_tolerance(stack, grid.size)
     parts = _steady_parts(stack, grid, velocity, rtol, strain)
     return *_along(parts, grid, direction[None]), _good(stack, parts)
 
@@ -48,7 +48,7 @@ def periodic_tangential_kernels(
 
     Arguments and shapes as in `periodic_kernel`.
     """
-    rtol = graded_tolerance(stack, None, grid.size)
+    rtol = graded_tolerance(stack, grid.size)
     check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
     parts = _periodic_parts(stack, grid, num_times, period, rtol)

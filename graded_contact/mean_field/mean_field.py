@@ -38,7 +38,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..blocks.heated_stack import check_bulk
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import (
@@ -235,7 +234,7 @@ def _checked(field: FieldInputs, acting) -> FieldInputs:
                 "`heating` is refused with `own_roughness` and a `counterface`, which then "
                 "takes a part of the heat, which is not followed."
             )
-        stack = stack.at(check_bulk(temperature))
+        stack = stack.at(temperature)
     return dataclasses.replace(field, stack=stack, pressure=load)
 
 

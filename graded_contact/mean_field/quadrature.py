@@ -137,7 +137,7 @@ def _progress(averages, lengths, rule, correction):
 def _rates(field, speed, q, state, angle):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
     along, offset = angle
-    tolerance = graded_tolerance(field.stack, None, q)
+    tolerance = graded_tolerance(field.stack, q)
     q = q[:, None, None]
 
     def response(q, omega, of_counterface, state):
@@ -148,7 +148,7 @@ def _rates(field, speed, q, state, angle):
         if field.counterface is None:
             return found
         counterface = _softened(field.counterface, strain)
-        tolerance_of = graded_tolerance(counterface, None, q)
+        tolerance_of = graded_tolerance(counterface, q)
         return found + surface_compliance_unchecked(counterface, q, of_counterface, tolerance_of)
 
     def relative_to(amplitude, omega, of_counterface):

@@ -60,8 +60,7 @@ def read_friction(
     units: Mapping[str, str] | None = None,
     layout: Layout | None = None,
 ) -> MeasuredFriction:
-    """Returns friction that was measured at some velocities, from a table; `plot.plot_sweep` lays
-    it over results.
+    """Returns friction that was measured at some velocities, from a table.
 
     **Arguments:**
 

@@ -34,9 +34,7 @@ from .layers import of_layers
 from .upwards import FULL, PLANE, base_face, in_plane
 
 
-def surface_compliance(
-    stack: Stack, q: Numbers, omega: Numbers, *, rtol: float | None = None, error: bool = False
-) -> Any:
+def surface_compliance(stack: Stack, q: Numbers, omega: Numbers, *, error: bool = False) -> Any:
     """Returns the surface compliance M_zz [m/Pa] of a stack.
 
     **Arguments:**
@@ -45,25 +43,23 @@ def surface_compliance(
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign; a complex ω = -is stands for fields
       exp(st), see `AbstractMaterial`.
-    - `rtol`: relative tolerance in graded layers; by default the stack's own. If it is not
-      reached, an error is raised. Stacks of homogeneous layers are exact, and ignore it.
     - `error`: whether to return `(M_zz, error)` with the estimated relative error [1], infinite
       where M_zz is NaN. Then a tolerance that is not reached raises nothing.
 
     **Returns:** M_zz, of the shape to which `q` and `omega` broadcast; complex unless every
     material is elastic.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if graded layers do not reach
+    the tolerance of the stack's `graded_solver`. Homogeneous layers are exact.
     """
     q = as_float(q, "q")
     check_positive("q", q, "[rad/m]")
     q, omega = as_waves(stack, q=q, omega=omega)
-    rtol = graded_tolerance(stack, rtol, q)
-    found = _compliance(stack, q, omega, rtol, not error)
+    found = _compliance(stack, q, omega, graded_tolerance(stack, q), not error)
     return found if error else found[0]
 
 
-def effective_modulus(
-    stack: Stack, q: Numbers, omega: Numbers, *, rtol: float | None = None
-) -> Inexact[Array, "*w"]:
+def effective_modulus(stack: Stack, q: Numbers, omega: Numbers) -> Inexact[Array, "*w"]:
     """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space with the same response.
 
     Its imaginary over its real part is the loss tangent of the composite.
@@ -72,18 +68,11 @@ def effective_modulus(
 
     **Returns:** the modulus, of the shape to which `q` and `omega` broadcast.
     """
-    found = surface_compliance(stack, q, omega, rtol=rtol)
-    return 2 / (as_float(q, "q") * found)
+    return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega))
 
 
 def surface_compliance_matrix(
-    stack: Stack,
-    qx: Numbers,
-    qy: Numbers,
-    omega: Numbers,
-    *,
-    rtol: float | None = None,
-    error: bool = False,
+    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers, *, error: bool = False
 ) -> Any:
     """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
 
@@ -95,15 +84,13 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
-      geometric mean; by default the stack's own. If it is not reached, an error is raised.
-    - `error`: as in `surface_compliance`.
+    - `error`: as in `surface_compliance`, of c11, c22 and c_T each and of c12 over their geometric
+      mean.
 
     **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
     """
     qx, qy, omega = wavevectors(stack, qx, qy, omega)
-    rtol = graded_tolerance(stack, rtol, qx)
-    found = _matrix(stack, qx, qy, omega, rtol, not error)
+    found = _matrix(stack, qx, qy, omega, graded_tolerance(stack, qx), not error)
     return found if error else found[0]
 
 

@@ -27,7 +27,7 @@ from .layering import Layering
 NOT_REACHED = (
     "The tolerance was not reached in a graded layer: its profile varies too sharply. Put "
     "boundaries between layers at its jumps and list its kinks in `breaks`, take "
-    "`graded_solver=Riccati()`, or pass a larger `rtol`."
+    "`graded_solver=Riccati()`, or give the solver a larger `rtol`."
 )
 
 
@@ -73,9 +73,9 @@ def solver_of(stack: Stack) -> AbstractGradedSolver:
     return Layering() if stack.graded_solver is None else stack.graded_solver
 
 
-def graded_tolerance(stack: Stack, rtol: float | None, like: Array) -> float:
-    """Returns the tolerance to use, refusing what the dtype of `like` cannot reach."""
-    rtol = solver_of(stack).rtol if rtol is None else rtol
+def graded_tolerance(stack: Stack, like: Array) -> float:
+    """Returns the tolerance of a stack, refusing what the dtype of `like` cannot reach."""
+    rtol = solver_of(stack).rtol
     if rtol is None:
         return 1e-9 if like.dtype == jnp.float64 else 1e-4
     check_tolerance("rtol", rtol, like, floor_factor=REFUSED_BELOW)

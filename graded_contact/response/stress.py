@@ -63,7 +63,6 @@ def interior_fields(
     depth: Numbers,
     *,
     side: Side = "below",
-    rtol: float | None = None,
 ) -> InteriorFields:
     """Returns displacement and stress in a stack, for one wave of surface traction per entry.
 
@@ -77,10 +76,11 @@ def interior_fields(
     - `depth`: z [m] below the surface, from 0 down to the bottom, or any on a half space.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump. Pass the
       exact values of `interface_depths`.
-    - `rtol`: tolerance in graded layers, of stresses relative to the traction at the surface, and
-      of displacements as the stresses that they cause; by default the stack's own. If it is
-      not reached, an error is raised. Fields that have decayed below `rtol` have no correct
-      digits. Fields in graded layers are by `Layering`, whatever the solver of the stack is.
+
+    The tolerance in graded layers is that of the stack, of stresses relative to the traction at the
+    surface, and of displacements as the stresses that they cause. If it is not reached, an error is
+    raised. Fields that have decayed below it have no correct digits. Fields in graded layers are by
+    `Layering`, whatever the solver of the stack is.
 
     **Returns:** complex amplitudes, `(*w)` being the shape to which all arguments broadcast.
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.
@@ -90,9 +90,8 @@ def interior_fields(
     if traction.shape[-1:] != (3,):
         raise ValueError(f"`traction` has shape {traction.shape}; its last axis must be (x, y, z).")
     check_values("traction", traction, "a traction [Pa] must be finite")
-    depth = checked_depth(stack, depth)
-    rtol = graded_tolerance(stack, rtol, qx)
-    return _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol)
+    depth = checked_depth("depth", stack, depth)
+    return _interior_fields(stack, qx, qy, omega, traction, depth, side)
 
 
 @compiled
@@ -135,9 +134,9 @@ def von_mises(stress: Float[Array, "*w 3 3"]) -> Float[Array, "*w"]:
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared)))
 
 
-def checked_depth(stack: Stack, depth: Array) -> Array:
+def checked_depth(name: str, stack: Stack, depth: Array) -> Array:
     """Returns `depth`, refused above the surface and below the bottom."""
-    check_values("depth", depth, "a depth [m] is zero (the surface) or positive", at_least=0)
+    check_values(name, depth, "a depth [m] is zero (the surface) or positive", at_least=0)
     if isinstance(stack.base, HalfSpace):
         return depth
     bottom = interface_depths(stack)[-1]
@@ -145,13 +144,13 @@ def checked_depth(stack: Stack, depth: Array) -> Array:
     bottom = bottom * (1 + 16 * jnp.finfo(depth.dtype).eps)
     if is_concrete(bottom):
         allowed = f"the block ends at {float(bottom):g} m, below which there is nothing"
-        check_values("depth", depth, allowed, at_most=float(bottom))
+        check_values(name, depth, allowed, at_most=float(bottom))
         if is_concrete(depth):
             return depth
-    return eqx.error_if(depth, depth > bottom, "A `depth` lies below the bottom of the block.")
+    return eqx.error_if(depth, depth > bottom, f"`{name}` lies below the bottom of the block.")
 
 
-def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
+def _fields(stack, qx, qy, omega, traction, depth, side):
     """Returns (u_x, u_y, u_z, σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) and ν/(1 - ν) at the depth."""
     q = jnp.hypot(qx, qy)
     a, b = qx / q, qy / q
@@ -176,6 +175,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
         known = [jnp.where(a > 0, a, 1) for a in map(jnp.maximum, least, sizes(*values))]
         return jnp.maximum(*map(jnp.divide, sizes(*differences), known))
 
+    rtol = graded_tolerance(stack, qx)
     if not isinstance(stack.graded_solver, Layering):
         stack = dataclasses.replace(stack, graded_solver=Layering())
     (t, s, shear, u, w, v), _ = solve_graded(climb, measure, stack, q, omega, rtol, throw=True)
@@ -199,12 +199,12 @@ def _fields(stack, qx, qy, omega, traction, depth, side, rtol):
 
 
 @compiled
-def _interior_fields(stack, qx, qy, omega, traction, depth, side, rtol):
+def _interior_fields(stack, qx, qy, omega, traction, depth, side):
     rank = max(qx.ndim, traction.ndim - 1, depth.ndim)
     lift = lambda x: x.reshape((1,) * (rank - x.ndim) + x.shape)  # noqa: E731
     traction = [lift(traction[..., i]) for i in range(3)]
     qx, qy, omega, depth = (lift(x) for x in (qx, qy, omega, depth))
-    found, _ = _fields(stack, qx, qy, omega, traction, depth, side, rtol)
+    found, _ = _fields(stack, qx, qy, omega, traction, depth, side)
     return _as_fields(found)
 
 
@@ -213,7 +213,6 @@ def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below")
 
     Arguments as of `stress_field`.
     """
-    rtol = graded_tolerance(stack, None, pressure)
     loads = {2: pressure}  # by axis
     if traction is not None:
         with_axes = traction.ndim > grid.ndim
@@ -229,7 +228,7 @@ def stress_waves(stack, grid, pressure, traction, depth, velocity, side="below")
     units = [one * np.reshape([i == j for j in loads], (-1,) + (1,) * qx.ndim) for i in range(3)]
     qx, qy, omega = (x[None] for x in (qx, qy, omega))
     depth = depth.reshape((1,) * qx.ndim)
-    found, lateral = _fields(stack, qx, qy, omega, units, depth, side, rtol)
+    found, lateral = _fields(stack, qx, qy, omega, units, depth, side)
     means = zip(*(_means(axis, lateral.ravel()[0]) for axis in loads), strict=True)
     spectra = [to_spectrum(load) for load in loads.values()]
 

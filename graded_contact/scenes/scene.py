@@ -36,7 +36,7 @@ from ..sliding import (
 )
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.interior.stress import STRESSES
-from ..sliding.number import numbers_in
+from ..sliding.number import observables_in
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
 from .kinds import (
@@ -355,7 +355,7 @@ def check_outputs(scene: Scene) -> None:
     motion, surface = scene.motion, scene.surface_at(scene.first)
     kind = TransientSliding if motion is None or not motion.repeats else CyclicSliding
     kind = Sliding if motion is None else kind
-    known = {need for number in numbers_in(kind).values() for need in number.needs}
+    known = {need for number in observables_in(kind).values() for need in number.needs}
     if surface.grid.ndim == 1 or not surface.periodic:
         known -= {"flow"}
     if scene.fluid is not None and "flow" not in known:

@@ -115,14 +115,12 @@ class Counterface(eqx.Module):
     - `in_kernel`: the part of M that the kernel of the contact contains [m/Pa].
     - `coupling`: how the traction on the counterface moves its surface, or None.
     - `lags`: whether `in_kernel` is not all of M. Static.
-    - `measured_range`: as in `SteadyProblem`, of the counterface.
     """
 
     operator: AbstractOperator
     in_kernel: Waves
     coupling: Coupling | None = None
     lags: bool = eqx.field(default=False, static=True)
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
 
     def beside(self, block: SpaceTime) -> SpaceTime:
         """Returns the operator of the contact from the operator of the block."""
@@ -156,7 +154,7 @@ class Counterface(eqx.Module):
         axes = self.in_kernel.ndim
         kept = resample_spectrum(self.in_kernel, old[-axes:], new[-axes:])
         coupling = coupling_on(self.coupling, old, new)
-        return Counterface(operator, kept, coupling, self.lags, self.measured_range)
+        return Counterface(operator, kept, coupling, self.lags)
 
 
 def of_block(both: AbstractOperator, counterface: Counterface | None) -> AbstractOperator:

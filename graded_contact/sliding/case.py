@@ -31,7 +31,7 @@ from ..fields.grid import Grid
 from ..kernels.memory import LONGEST
 from ..kernels.window import has_ground
 from ..surfaces.surface import Surface, check_periodic
-from .motion.motion import check_closed, check_resolved
+from .motion.motion import check_closed, check_path, check_resolved
 from .shear import ShearLaw, is_coupled
 
 PERIODIC, WINDOW = "periodic", "window"  # whether the surface repeats
@@ -155,16 +155,11 @@ class Case(eqx.Module):
     def _check_period(self, grid: Grid) -> None:
         if self.period is None:
             raise ValueError("`displacement` needs the `period` [s] of the motion, or `times` [s].")
-        shape = self.displacement.shape
-        allowed = ((), (2,)) if grid.ndim == 2 else ((),)
         # Four times are the fewest with a frequency between 0 and the highest one.
-        if not shape or shape[0] < 4 or shape[1:] not in allowed:
-            raise ValueError(
-                f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "
-                "`(nt, 2)` is needed, with nt of at least 4 times."
-            )
-        check_resolved(f"`displacement` at {shape[0]} times", self.displacement, grid)
-        check_closed(self.displacement, grid, cells=True)
+        count = max((4, *self.displacement.shape[:1]))
+        check_path(self.displacement, count, grid.ndim)
+        check_resolved(f"`displacement` at {count} times", self.displacement, grid)
+        check_closed(self.displacement, grid)
         check_positive("period", self.period, "[s]")
 
     def _check_block_surface(self, own: Surface) -> None:
@@ -193,15 +188,10 @@ class Case(eqx.Module):
     def _check_times(self, grid: Grid) -> None:
         for name, refused in (("period", self.period), ("heating", self.heating)):
             if refused is not None:
-                raise ValueError(f"`{name}` is refused with `times`: give one of the two.")
-        times, shape = self.times, self.displacement.shape
+                raise ValueError(f"`{name}` is not supported with `times`.")
+        times = self.times
         check_rows(1, times=times)
-        allowed = [(*times.shape, *more) for more in ((), (2,))[: grid.ndim]]
-        if shape not in allowed:
-            raise ValueError(
-                f"`displacement` has shape {shape}; {' or '.join(map(str, allowed))} is needed, "
-                "one for each of the `times`."
-            )
+        check_path(self.displacement, len(times), grid.ndim)
         check_positive("times", times, "[s]")
         check_increasing("times", times)
         if is_concrete(self.displacement):

@@ -189,7 +189,7 @@ def over_load(found: Found, tractions: Array) -> Array:
 def frictions(found: Found, pressure: Array, indicator: Array) -> Array:
     """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure.
 
-    That of a cycle contains the shear, which acts where the indicator of contact is positive.
+    In a cycle, friction includes shear, which acts where the indicator of contact is positive.
     """
     moved = displaced_by(found, pressure)
     tractions = tractions_of(found, pressure, interface(found, pressure, moved))

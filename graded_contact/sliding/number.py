@@ -41,7 +41,7 @@ REMEDIES = {
     "grid": "more points",
     "time": "more times",
     "memory": "a shorter motion",
-    "kernel": "on a window a larger one",
+    "kernel": "a larger non-periodic surface",
 }
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
@@ -53,7 +53,6 @@ class Observable(property):
 
     - `formula`: of a result; the attribute has its docstring.
     - `meaning`, `unit`: see `Quantity`.
-    - `stored`: whether prints, results of scenes and of `sweep` contain it.
     - `needs`: only contacts with these `facts` print and store it.
     - `warns`: limit above which there is a warning, or None.
     """
@@ -64,12 +63,11 @@ class Observable(property):
         meaning: str,
         unit: str = "1",
         *,
-        stored: bool = True,
         needs: Collection[str] = (),
         warns: Above | None = None,
     ):
         super().__init__(formula)
-        self.formula, self.stored, self.needs, self.warns = formula, stored, needs, warns
+        self.formula, self.needs, self.warns = formula, needs, warns
         self.quantity = Quantity("", unit, meaning)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -108,7 +106,7 @@ class Observable(property):
         **Arguments:**
 
         - `parts`: formulas by their causes: "solver", "grid", "time", "memory", "kernel" (of a
-          window) or "temperature". `error_parts` of a result returns them.
+          non-periodic surface) or "temperature". `error_parts` of a result returns them.
         - `over`: the relative error of a number by its name; above `WARN_ABOVE` there is a warning.
           None: there is none.
         - `needs`: facts of the contacts that have the error, beside those that have the number.
@@ -130,7 +128,7 @@ class Observable(property):
             warns = Above(WARN_ABOVE, sentence, lambda n: over(self.quantity.name, n))
         words = f"estimated error of the {meaning}"
         more: Any = {"needs": [*self.needs, *needs], "warns": warns}
-        return Observable(errors, words, unit, stored=self.stored, **more)
+        return Observable(errors, words, unit, **more)
 
 
 def observable(*words: str, **more: Any) -> Callable[[Formula], Observable]:
@@ -139,7 +137,7 @@ def observable(*words: str, **more: Any) -> Callable[[Formula], Observable]:
 
 
 @functools.cache
-def numbers_in(kind: type) -> dict[str, Observable]:
+def observables_in(kind: type) -> dict[str, Observable]:
     """Returns the numbers of a class of results by their names, in the order of prints."""
     return {
         name: entry
@@ -151,13 +149,13 @@ def numbers_in(kind: type) -> dict[str, Observable]:
 
 def numbers_of(kind: type, facts: Collection[str]) -> tuple[str, ...]:
     """Returns the names of the numbers that prints and results of such contacts contain."""
-    entries = numbers_in(kind).items()
-    return tuple(name for name, one in entries if one.stored and {*one.needs} <= {*facts})
+    entries = observables_in(kind).items()
+    return tuple(name for name, one in entries if {*one.needs} <= {*facts})
 
 
 def value_of(name: str, found: Found) -> Any:
     """Returns a number of a result inside of the program of others."""
-    return numbers_in(type(found))[name].of(found)
+    return observables_in(type(found))[name].of(found)
 
 
 @dataclasses.dataclass
@@ -203,7 +201,7 @@ class AbstractSliding(eqx.Module):
 
     @property
     def near(self) -> Any:
-        """Those contacts, which are kept unless they are traced."""
+        """Contacts on coarser grids, computed once; under tracing they are not stored."""
         near = self.kept.near
         if near is None:
             # Of a copy: neighbours that contain this contact would keep it, in a circle, for long.
@@ -250,7 +248,7 @@ class AbstractSliding(eqx.Module):
         A number without an estimated error has none.
         """
         error = f"{name}_error"
-        return self._known((error,))[error] if error in numbers_in(type(self)) else {}
+        return self._known((error,))[error] if error in observables_in(type(self)) else {}
 
     def _known(self, names: tuple[str, ...]) -> dict[str, Any]:
         kept = self.kept.numbers
@@ -275,7 +273,7 @@ class AbstractSliding(eqx.Module):
 
 def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
     """Returns the warnings of numbers of a class of results, see `warnings_by`."""
-    entries = numbers_in(kind).items()
+    entries = observables_in(kind).items()
     rules = {name: entry.warns for name, entry in entries if entry.warns is not None}
     return warnings_by(rules, number, "times" if kind.kind == TRANSIENT else "solves")
 
@@ -309,7 +307,7 @@ def _in_programs(found: AbstractSliding, names: tuple[str, ...]) -> dict[str, An
         return jax.lax.map(lambda one: _in_programs(one, names), found)
     # Outside of the program, so that Python reuses the programs of the contact.
     near = None
-    if any(numbers_in(type(found))[name].is_error for name in names):
+    if any(observables_in(type(found))[name].is_error for name in names):
         near = found.near
     return _computed(found.without_bodies(), near, names)
 
@@ -320,7 +318,7 @@ def _computed(found: AbstractSliding, near: Any, names: tuple[str, ...]) -> dict
     still, near_still = jax.lax.stop_gradient((found, near))
     for one, others in ((found, near), (still, near_still)):
         one.kept.formulas, one.kept.near = {}, others
-    entries = {name: numbers_in(type(found))[name] for name in names}
+    entries = {name: observables_in(type(found))[name] for name in names}
     numbers = {n: e.of(still if e.is_error else found) for n, e in entries.items()}
     if found.kind == TRANSIENT:  # whose numbers before a failure are known
         return numbers

@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..contacts.adjoint import LinearSolver, LinearSplitting
 from ..contacts.solve import default_rtol
 from ..contacts.solver.abstract_solver import AbstractContactSolver
 from ..contacts.solver.nested_solve import DouglasRachford
@@ -22,13 +21,14 @@ class Numerics(eqx.Module):
     - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
       Static.
     - `solver`: of the contact, see `DouglasRachford`, or `AbstractContactSolver` to write one.
-    - `adjoint`: of the linear systems of derivatives, see `LinearSplitting`.
+    - `derivative_rtol`: relative error of a derivative of the pressure [1]; None means twenty times
+      `rtol`, at most 1e-3. Static.
     - `throw`: whether to raise if a solve or a kernel fails; with False see `.result`. Static.
     """
 
     rtol: Any = eqx.field(default=None, static=True)  # a number once `of` is called
     solver: AbstractContactSolver = DouglasRachford()
-    adjoint: LinearSolver = LinearSplitting()
+    derivative_rtol: float | None = eqx.field(default=None, static=True)
     throw: bool = eqx.field(default=True, static=True)
 
     def __check_init__(self):

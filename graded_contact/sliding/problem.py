@@ -46,6 +46,8 @@ class AbstractProblem(eqx.Module):
     - `block_heights`: of the block's own surface [m], out of the block, or None.
     - `coupling`: how the traction moves the surface of the block, or None.
     - `counterface`: how the counterface deforms, or None if it is rigid.
+    - `measured_ranges`: for each body the lowest and the highest ω at which all materials were
+      measured [rad/s], or None.
     - `prescribed`: what is given: "pressure", "mean_gap" or "approach". Static.
     - `facts`: of the contact, see `facts_of`. Static.
     """
@@ -58,6 +60,7 @@ class AbstractProblem(eqx.Module):
     block_heights: Field | None = eqx.field(default=None, kw_only=True)
     coupling: Coupling | None = eqx.field(default=None, kw_only=True)
     counterface: Counterface | None = eqx.field(default=None, kw_only=True)
+    measured_ranges: tuple[Range | None, ...] = eqx.field(default=(), kw_only=True)
     prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)
     facts: frozenset[str] = eqx.field(default=frozenset(), static=True, kw_only=True)
 
@@ -91,14 +94,12 @@ class SteadyProblem(AbstractProblem):
     - `operator`: block and counterface; `.kernel` is their M [m/Pa].
     - `velocity`: of the surface over the block [m/s].
     - `measured`: share of each height that was measured [1], or None, see `Surface`.
-    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa]; None if periodic.
     """
 
     operator: AbstractOperator
     velocity: Float[Array, "..."]
     measured: Float[Array, "..."] | None = None
-    measured_range: Range | None = None
     kernel_error: Inexact[Array, "..."] | None = None
 
     @property
@@ -143,13 +144,11 @@ class CycleProblem(AbstractProblem):
       counterface.
     - `displacement`: s(t) of the surface [m], shape `(nt,)` or `(nt, 2)`.
     - `period`: T [s].
-    - `measured_range`: as in `SteadyProblem`.
     """
 
     operator: SpaceTime
     displacement: Float[Array, "nt ..."]
     period: Float[Array, ""]
-    measured_range: Range | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -201,7 +200,8 @@ class CycleProblem(AbstractProblem):
         loading = loading_of(self.law, heights, self.shape[0], **load)
         heights = heights if shift is None else heights - shift
         inputs = Inputs(self.operator, heights, self.law, loading)
-        return contact_of(inputs, how.solver, how.adjoint, how.rtol, start, solution, how.throw)
+        rtol = how.rtol, how.derivative_rtol
+        return contact_of(inputs, how.solver, *rtol, start, solution, how.throw)
 
     def on(self, shape: tuple[int, ...], num_times: int) -> "CycleProblem":
         """Returns the problem on another grid, with other times and without heights."""

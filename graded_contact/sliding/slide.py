@@ -51,15 +51,15 @@ def slide(
     - `surface`: the rough surface; heights count into the block.
     - `pressure`: mean pressure σ0 [Pa]; or
     - `mean_gap`: mean of the gap [m], counted from the mean of the heights; or
-    - `approach`: of a body on a window [m], see `solve_contact`.
+    - `approach`: of a non-periodic surface [m], see `solve_contact`.
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. Two numbers
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
       `jax.lax.map`. At a velocity of 0 (a number, not traced) the block has its relaxed moduli.
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
       temperature), such as `Coulomb`, `ConstantShear` or `PeakedShear`; None for hysteresis alone.
       The traction of a law that is `coupled` moves the surface of the block and so changes the
-      pressure; other laws leave it, which is exact for ν = 1/2 on a half space. On a window
-      only `Coulomb` can be coupled.
+      pressure; other laws leave it, which is exact for ν = 1/2 on a half space. Of a
+      non-periodic surface only `Coulomb` can be coupled.
     - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
       bulk temperature, to which the block is brought, see `Stack.at`.
     - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
@@ -75,7 +75,7 @@ def slide(
       the rough body's over the smooth one.
     - `law`: of contact.
     - `start`: a pressure field [Pa] to start from, see `solve_contact`.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+    - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
 
     With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
     numbers are then NaN.
@@ -126,7 +126,7 @@ def slide_cycle(
     - `period`: T [s].
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
-      heights; not on a window.
+      heights; of periodic surfaces only.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure and the speed of each
       time, and the traction has the direction of the motion. At rest there is none.
@@ -178,9 +178,9 @@ def slide_transient(
     **Arguments:**
 
     - `stack`: the block; it may flow (`equilibrium` 0). Tables of moduli are refused: fit them.
-    - `surface`: the rough surface; heights count into the block. On a window
-      (`Surface(periodic=False)`) nothing acts around it; the bodies remember the whole path of the
-      window without copies, in fields of twice its length along each axis.
+    - `surface`: the rough surface; heights count into the block. Around a
+      non-periodic surface (`periodic=False`) nothing acts; the bodies remember its whole path
+      without copies, in fields of twice its length along each axis.
     - `times`: ends of the steps [s], shape `(nt,)`, positive and ascending. Steps may differ: where
       all rests, each may be a fixed part of the time so far. While the surface moves, a step leads
       it by about half a spacing of the grid at most.
@@ -188,9 +188,9 @@ def slide_transient(
       `(nt, 2)`; see `start`, `ramp`, `dwell`.
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
-      heights; not on a window; or
-    - `approach`: of a body on a window [m], a number or one at each time: how far it moved into the
-      block since its first touch. In the first step it grows from the first touch.
+      heights; of periodic surfaces only; or
+    - `approach`: of a non-periodic surface [m], a number or one at each time: how far it moved into
+      the block since its first touch. In the first step it grows from the first touch.
     - `law`: of contact; it has no history.
     - `shear`, `temperature`: as in `slide`. The law holds at the pressure of each time and the mean
       speed of its step, and the traction has the direction of that step. At rest there is none.
@@ -198,7 +198,7 @@ def slide_transient(
       the speed of this step.
     - `counterface`, `block_surface`: as in `slide_cycle`; the counterface has its memory, too.
     - `fields_at`: numbers of the steps whose fields are kept, at least one; -1 is the last.
-    - `numerics`: `rtol`, `solver`, `adjoint` and `throw`, see `Numerics`.
+    - `numerics`: `rtol`, `derivative_rtol`, `solver` and `throw`, see `Numerics`.
 
     **Returns:** friction, areas and works over time, errors, and fields, see `TransientSliding`.
 

@@ -65,7 +65,7 @@ def cast(x):
     return x if x.dtype == bool else x.astype(complex if jnp.iscomplexobj(x) else float)
 
 
-checked = program(None, rtol=1e-10)  # of two waves
+checked = program(Layering(rtol=1e-10))  # of two waves
 few_cells = program(Layering(num_cells=8), error=True)  # of sixty
 by_steps = program(Riccati(), error=True)  # of two
 two_layers = jax.jit(layered)

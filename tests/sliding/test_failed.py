@@ -8,7 +8,7 @@ import pytest
 import graded_contact as gc
 from graded_contact.contacts.solution import RESULTS
 from graded_contact.fields.devices import required
-from graded_contact.sliding.number import numbers_in
+from graded_contact.sliding.number import observables_in
 
 GRID = gc.Grid((16,), 1e-3)
 X = np.arange(16) / 16
@@ -28,7 +28,7 @@ def test_every_observable_of_a_failed_solve_is_nan_and_is_no_warning():
     failed = jax.jit(slid)(jnp.nan)
     assert failed.result == RESULTS.bad_pressure
     asked = {*failed.facts, "flow", "stiffness", "conductance"}
-    entries = numbers_in(gc.Sliding).items()
+    entries = observables_in(gc.Sliding).items()
     names = [name for name, entry in entries if {*entry.needs} <= asked]
     assert {"contact_area", "contact_area_pixels", "slope_in_contact", "flow_along_x"} < {*names}
     found = dict(zip(names, failed.compute(*names), strict=True))

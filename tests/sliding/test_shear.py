@@ -24,7 +24,7 @@ def rubbed(shear, velocity=0.1, temperature=None, stack=BLOCK, **how):
 def test_constant_shear_adds_stress_times_area_over_load():
     alone = gc.slide(BLOCK, SURFACE, pressure=4e5, velocity=0.1, rtol=1e-10)
     s = rubbed(ConstantShear(3e5))
-    names = "friction", "pressure_friction", "shear_friction", "geometric_friction"
+    names = "friction", "pressure_friction", "shear_friction"
     s.compute(*names, "contact_area")
     alone.compute(*names)
     np.testing.assert_array_equal(s.pressure, alone.pressure)
@@ -33,10 +33,6 @@ def test_constant_shear_adds_stress_times_area_over_load():
     np.testing.assert_allclose(s.friction, s.pressure_friction + s.shear_friction, rtol=1e-14)
     np.testing.assert_allclose(alone.pressure_friction, alone.friction, rtol=1e-14)
     assert alone.shear_friction == 0
-    # The error of the grid is still the difference of the two.
-    np.testing.assert_allclose(
-        s.geometric_friction - s.friction, alone.geometric_friction - alone.friction, atol=1e-15
-    )
 
 
 def test_along_an_oblique_velocity_the_speed_counts():

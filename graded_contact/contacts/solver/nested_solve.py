@@ -44,7 +44,7 @@ from .grid_problem import (
     start_of,
 )
 from .semismooth_newton import newton_round, takes_newton_steps
-from .splitting import check_relaxation, draft
+from .splitting import RELAXATION, draft
 
 # All within 2 % of the fewest FFT pairs of viscoelastic contacts.
 _COARSENING = 4  # from grid to grid; 2 takes more pairs and compiles more programs
@@ -56,7 +56,7 @@ _SMALL = 0.125  # share of points in contact along an axis, up to which Newton s
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST = 4000, 64_000  # default `max_steps`, on grids of `_POINTS` and smaller ones
 _POINTS = 2**16
-_MOST_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
+_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ without a start
 
 _NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # next action on a grid
@@ -67,17 +67,15 @@ class DouglasRachford(AbstractContactSolver):
 
     **Fields:**
 
-    - `max_steps`: largest number of steps on each grid; a large grid has as many more before, in
-      single precision. Steps are done in pairs, and a Newton step counts by its FFT pairs. None
-      for 4000; on grids of fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
-    - `relaxation`: α [1], between 0 and 1; at most 0.5 under a law that attracts.
+    - `max_steps`: largest number of steps on each grid, and in single precision before those of a
+      large one. Steps are done in pairs, and a Newton step counts by its FFT pairs. None for 4000;
+      on grids of fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
     - `newton`: whether Newton steps follow where the splitting is slow. A program without them
       compiles in two thirds of the time.
     """
 
     max_steps: int | None = eqx.field(default=None, static=True)
-    relaxation: float = eqx.field(default=0.95, static=True)
     coarsest: int = eqx.field(default=64, static=True)
     newton: bool = eqx.field(default=True, static=True)
     finds_unstable: ClassVar[bool] = True
@@ -86,7 +84,6 @@ class DouglasRachford(AbstractContactSolver):
         if self.max_steps is not None:
             check_whole("max_steps", self.max_steps, 1)
         check_whole("coarsest", self.coarsest, 4)
-        check_relaxation(self.relaxation)
         check_type("newton", self.newton, bool)
 
     def solve(self, operator, heights, law, loading, *, rtol, start):
@@ -120,7 +117,7 @@ class DouglasRachford(AbstractContactSolver):
         few = most if not hard or (finest and not newton) else min(_FEW, most)
         return GridSettings(
             share=share, newton=newton, draft_steps=few, max_steps=most if newton else few,
-            relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
+            relaxation=_ATTRACTED if law.attracts else RELAXATION,
             rtol=rtol if finest else jnp.asarray(rtol.dtype.type(_COARSE_ERROR)),
         )  # fmt: skip
 

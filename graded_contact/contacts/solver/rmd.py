@@ -31,8 +31,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from ...core.checks import check_whole, short
-from ..adhesion import AdhesiveLJ
-from ..law import RepulsiveLJ
+from ..law import SmoothLaw
 from ..operators.operator import Field, Scalar, root_mean_square
 from .abstract_solver import (
     AbstractContactSolver,
@@ -45,9 +44,6 @@ from .abstract_solver import (
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
 _LOAD_RATE = 0.5  # share of the load's error that the residuals work against
-
-
-SmoothLaw = RepulsiveLJ | AdhesiveLJ
 
 
 class ResidualDynamics(AbstractContactSolver):

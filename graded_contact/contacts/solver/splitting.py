@@ -37,6 +37,7 @@ from .abstract_solver import in_precision, participation_of, run_steps, slope
 # Earlier iterates that the acceleration combines, each of two fields. At a given mean gap few: near
 # full contact the load drifts, and with 5 some loads diverged above an area of 0.99.
 _HISTORY, _HISTORY_AT_GAP = 5, 2
+RELAXATION = 0.95  # α
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, as measured
 
 
@@ -69,7 +70,7 @@ class Splitting(eqx.Module):
     rtol: Scalar
     share: Scalar | None = None
     least: Float[Array, "2"] | None = None
-    relaxation: float = eqx.field(default=0.95, static=True)
+    relaxation: float = eqx.field(default=RELAXATION, static=True)
 
     def init(self, start: Field) -> Iterates:
         """Returns the state of a z."""
@@ -163,12 +164,6 @@ def draft(splitting: Splitting, z: Field, *, max_steps: Array | int) -> tuple[Fi
     last = run_steps(dataclasses.replace(single, least=rounding), begin, max_steps)
     # A start that is as good already keeps its digits.
     return jnp.where(last.cycles > 1, last.z.astype(z.dtype), z), last.cycles * STEPS_OF_CYCLE
-
-
-def check_relaxation(relaxation: float) -> None:
-    """Raises `ValueError` unless this is an α between 0 and 1."""
-    if not isinstance(relaxation, float) or not 0 < relaxation < 1:
-        raise ValueError(f"`relaxation={relaxation}` must be a number between 0 and 1.")
 
 
 def _weight_of_modes(field: Field) -> Float[Array, "#half"]:

@@ -1,7 +1,7 @@
 """Errors by the grid: from the contact on half of it, and from changes between the points.
 
 Let m be the change of a number from the grid to half of it, without the waves that half the grid
-lacks, and l the change by these waves (`resolution.py`). A number converges with the square of the
+lacks, and l the change by these waves (`neighbours.py`). A number converges with the square of the
 spacing, roughly, so that m contains its error several times; l counts since such waves have
 neighbours that the grid lacks. Two changes of both signs may cancel in m by chance. The area in
 doubt does not: besides m and l it has a part that grows with the length of the edges, the
@@ -42,7 +42,8 @@ class Weights(NamedTuple):
 
     - `moved`, `lacking`: of m and l.
     - `relative_area`: of the relative error of the area.
-    - `of_lacking`: of the same, times the share of the squared slope that half the grid lacks.
+    - `of_lacking`: of the relative error of the area, times the share of the squared slope that
+      half the grid lacks.
     - `relative_open`: of the relative error of the area out of contact.
     - `most`: the largest relative error of an area that counts; contacts of few points have any.
     - `on_line`: times `relative_area` in one dimension, where few edges make up for each other.

@@ -25,8 +25,8 @@ _MEANINGLESS = 10.0  # share of an error above which a number means nothing
 def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Array]:
     """Returns the formula of the error by the times, from the contact with half as many.
 
-    `trace` is what the number is a mean or a peak of, at each time: its changes may cancel in the
-    number by chance, so that their mean size counts, too.
+    `trace` is what the number is a mean or a peak of, at each time, or the number itself: its
+    changes may cancel in the number by chance, so that their mean size counts, too.
     """
 
     def of_times(found):
@@ -35,21 +35,14 @@ def by_times(name: str, trace: Callable[[Found], Array]) -> Callable[[Found], Ar
             return jnp.abs(own)
         before, after = trace(found), trace(fewer)
         moved = jnp.abs(interpolate(before, (len(after), *before.shape[1:])) - after)
-        moved = jnp.mean(jnp.where(jnp.isfinite(moved), moved, 0))  # no friction without contact
-        return jnp.abs(own - value_of(name, fewer)) / 2 + 0.15 * moved
+        moved = jnp.where(jnp.isfinite(moved), moved, 0)  # no friction without contact
+        if own.ndim:
+            change = moved[np.arange(len(own)) * len(after) // len(own)]
+        else:
+            change = jnp.abs(own - value_of(name, fewer))
+        return change / 2 + 0.15 * jnp.mean(moved)
 
     return of_times
-
-
-def area_by_times(found: Found) -> Array:
-    """The error of the contact area by the times, at each time of a cycle [1]."""
-    own, fewer = value_of("contact_area", found), found.near.fewer
-    if fewer is None:  # too few times to be halved
-        return jnp.abs(own)
-    after = value_of("contact_area", fewer)
-    change = jnp.abs(interpolate(own, after.shape) - after)
-    at = np.arange(len(own)) * len(after) // len(own)
-    return change[at] / 2 + 0.15 * jnp.mean(change)
 
 
 # By the solver, and by the kernel of a window.

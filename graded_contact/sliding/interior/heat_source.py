@@ -13,7 +13,6 @@ factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²]
 coupling times the speed of slip over |v|.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -117,11 +116,6 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     (stress,) = tractions_on(sliding)
     heat = jnp.abs(sliding.speed) * stress
     return heat if sliding.coupling is None else heat * slip(sliding)
-
-
-def check_series(stack: Stack) -> None:
-    """Raises `ValueError` for a material whose heat is not known."""
-    eqx.filter_eval_shape(_series_at, stack, jnp.zeros(()))
 
 
 def _series_at(stack: Stack, depth):

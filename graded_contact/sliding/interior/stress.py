@@ -78,7 +78,7 @@ def contact_stress(
         raise ValueError('`body="counterface"` is refused: the contact has a rigid counterface.')
     depths = as_float(depths, "depths")
     check_rows(1, depths=depths)
-    depths = checked_depth(sliding.bodies[body == "counterface"], depths)
+    depths = checked_depth("depths", sliding.bodies[body == "counterface"], depths)
     return ContactStress(_stress(sliding, depths, side, body), depths)
 
 

@@ -70,7 +70,7 @@ class Motion(eqx.Module):
 
         Above 1, take more times; above 2 a cycle refuses the motion.
         """
-        return largest_step(self.displacement, grid.spacing, self.times is not None)
+        return step_length(self.displacement, grid.spacing, self.times is not None)
 
     def then(self, other: "Motion") -> "Motion":
         """Returns this transient motion and then another one, which begins where this one ends."""
@@ -88,10 +88,20 @@ def _steps(displacement, from_rest: bool = False):
     return jnp.concatenate([abs(rows[:1]), steps]) if from_rest else steps
 
 
-def largest_step(displacement, spacing, from_rest: bool = False):
+def step_length(displacement, spacing, from_rest: bool = False):
     """Returns the largest distance, in spacings along x plus y; in NumPy of what NumPy has."""
     moved = _steps(displacement, from_rest)
     return (moved / spacing[: moved.shape[1]]).sum(axis=1).max()
+
+
+def check_path(displacement: Array, count: int, axes: int) -> None:
+    """Raises `ValueError` unless a displacement has `count` times, along x or along two axes."""
+    allowed = [(count, *more) for more in ((), (2,))[:axes]]
+    if displacement.shape not in allowed:
+        raise ValueError(
+            f"`displacement` has shape {displacement.shape}; {' or '.join(map(str, allowed))} is "
+            "needed, one for each of the times."
+        )
 
 
 def check_resolved(given: str, displacement: Array | np.ndarray, grid: Grid | None) -> None:
@@ -101,7 +111,7 @@ def check_resolved(given: str, displacement: Array | np.ndarray, grid: Grid | No
     """
     if grid is None or not (is_concrete(displacement) and is_concrete(grid.size)):
         return
-    step = float(largest_step(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
+    step = float(step_length(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
     if step > LARGEST_STEP:
         enough = fast(len(displacement) * step / CHOSEN_STEP)
         raise ValueError(
@@ -116,24 +126,24 @@ def fast(least: float) -> int:
     return 4 * cast(int, scipy.fft.next_fast_len(math.ceil(min(least, 1e15) / 4), real=True))
 
 
-def check_closed(displacement: Array, grid: Grid | None, cells: bool) -> None:
+def check_closed(displacement: Array, cell: Grid | None = None) -> None:
     """Raises `ValueError` for a motion whose end is further from its start than its rows explain.
 
-    If `cells`, the surface may advance by whole cells of the grid.
+    With a `cell` the surface may advance by whole cells.
     """
-    known = is_concrete(displacement) and (grid is None or is_concrete(grid.size))
+    known = is_concrete(displacement) and (cell is None or is_concrete(cell.size))
     if not known or len(displacement) < 4:
         return
     rows = np.asarray(displacement).reshape(len(displacement), -1)
     apart, extent = rows[-1] - rows[0], np.ptp(rows, axis=0)
-    if cells and grid is not None:
-        size = np.asarray(grid.size)[: rows.shape[1]]
+    if cell is not None:
+        size = np.asarray(cell.size)[: rows.shape[1]]
         apart = apart - size * np.round(apart / size)
         extent = np.minimum(extent, size)
     # The last row is a step before the end; a record of few rows takes long steps.
     steps = np.max(np.abs(np.diff(rows, axis=0)), axis=0)
     if np.any(np.abs(apart) > np.maximum(4 * steps, _OPEN * extent)):
-        beyond = " of whole cells" if cells else ""
+        beyond = "" if cell is None else " of whole cells"
         far = with_unit(float(np.linalg.norm(apart)), "m")
         raise ValueError(
             f"`displacement` is refused: its end is {far} from its start{beyond}, but a cycle ends "

@@ -20,7 +20,7 @@ from ...core.checks import (
 )
 from ...core.compilation import compiled
 from ...fields.grid import Grid
-from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, largest_step
+from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_length
 from .transient import in_steps, known, table_of
 
 _USUAL = 128  # times, where the grid is not known
@@ -168,12 +168,12 @@ def recorded(
             f"`times` from {at[0]:g} to {at[-1]:g} s are refused: they must be within one "
             f"`period` of {period:g} s, whose end is not listed."
         )
-    check_closed(table, grid, cells=False)
+    check_closed(table)
     count = _USUAL if num_times is None else num_times
     moved = _resampled(at, table, period, count)
     if num_times is None and grid is not None:
         # More times keep more of the noise, so that they are not known beforehand.
-        while (step := float(known("num_times", largest_step(moved, grid.spacing)))) > CHOSEN_STEP:
+        while (step := float(known("num_times", step_length(moved, grid.spacing)))) > CHOSEN_STEP:
             count = fast(max(count + 1, count * step / CHOSEN_STEP))
             moved = _resampled(at, table, period, count)
     check_resolved(f"`num_times={count}`", moved, grid)

@@ -21,7 +21,7 @@ from ...core.checks import (
     is_concrete,
 )
 from ...fields.grid import Grid
-from .motion import CHOSEN_STEP, Motion
+from .motion import CHOSEN_STEP, Motion, check_path
 from .over_period import components
 
 _STEPS = 128  # of a motion, where the grid is not known
@@ -136,12 +136,7 @@ def table_of(times: Numbers, displacement: Numbers) -> Motion:
     check_rows(2, times=ends)
     check_increasing("times", ends)
     check_values("displacement", table.displacement, "a displacement [m] must be finite")
-    count, shape = len(ends), table.displacement.shape
-    if shape not in ((count,), (count, 2)):
-        raise ValueError(
-            f"`displacement` has shape {shape}; `({count},)` or `({count}, 2)` is needed, one for "
-            "each of the `times`."
-        )
+    check_path(table.displacement, len(ends), 2)
     return table
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from ...contacts.area import area_in_doubt, sub_pixel_area
 from ...contacts.estimates import error_of
 from ..errors.grid import OF_PLACE, area_by_grid, by_grid
-from ..errors.parts import area_by_times, changes_by_kernel, gap_by_solver, over_number, with_chance
+from ..errors.parts import by_times, changes_by_kernel, gap_by_solver, over_number, with_chance
 from ..formulas import edges_of, indicator_of, touching
 from ..number import Found, observable
 from ..problem import CycleProblem
@@ -78,5 +78,5 @@ _ERRORS = {
     "temperature": lambda found: found.heated.area_error,
 }
 contact_area_error = contact_area.error(_ERRORS, over=over_number)
-area_error_of_cycle = contact_area.error(_ERRORS | {"time": area_by_times})
+area_error_of_cycle = contact_area.error(_ERRORS | {"time": by_times("contact_area", contact_area)})
 mean_gap_error = mean_gap.error({"solver": gap_by_solver, "grid": by_grid("mean_gap", OF_PLACE)})

@@ -3,8 +3,8 @@
 In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇h⟩ exactly. On a grid the two
 differ by ⟨σ ∇u⟩, which arises at the edges of the contact. `friction` uses the slope of the
 displacement, which converges faster (ten times less error at 8 points per shortest wavelength,
-`benchmarks/bench_contact.py`). `geometric_friction` uses the slope of the surface. The difference
-of the two is the error of the grid.
+`benchmarks/bench_contact.py`). `geometric_friction` uses the slope of the surface. A part
+of their difference counts as an error of the grid.
 """
 
 import jax
@@ -32,7 +32,7 @@ from ..formulas import (
 from ..number import Found, observable
 from ..problem import CycleProblem
 from ..shear import shear_over_load
-from .checks import APART, NEVER_LOADED
+from .warnings import APART, NEVER_LOADED
 
 _BY_SLOPES = 0.08  # weight of the difference of `friction` and `geometric_friction`
 # Of the friction: a nearly elastic block has far less than the error of the surface's slope.
@@ -76,13 +76,11 @@ def surface_rise(found: Found) -> Array:
     return found.heated.surface_rise
 
 
-@observable("friction coefficient from the surface slope", stored=False)
 def geometric_friction(found: Found) -> Array:
-    """Friction with hysteresis from the surface's slope instead of the block's [1].
+    """Returns the friction by the surface's slope instead of the block's [1].
 
-    With a counterface the surface is deformed.
-
-    Its difference from `friction` shows the error of the grid.
+    With a counterface the surface is deformed. Its difference from `friction` shows the error of
+    the grid.
     """
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")

@@ -20,7 +20,7 @@ error varies: a derivative has a local error of about 30 %, and is right over se
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...contacts.adjoint import LinearSplitting, opening_by_load
+from ...contacts.adjoint import opening_by_load
 from ...contacts.area import contact_shares, edge_stiffness
 from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
@@ -108,4 +108,4 @@ def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
-    return -penalty / opening_by_load(operator.scaled(penalty), s, LinearSplitting(), rtol)
+    return -penalty / opening_by_load(operator.scaled(penalty), s, rtol)

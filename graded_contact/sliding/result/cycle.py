@@ -12,7 +12,7 @@ from ...core.display import shown
 from ...core.quantities import CYCLE
 from ..errors import neighbours
 from ..number import AbstractSliding
-from ..numbers import area, checks, cycle
+from ..numbers import area, cycle, warnings
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
 from ..problem import CycleProblem
@@ -56,12 +56,12 @@ class CyclicSliding(AbstractSliding):
     surface_rise = of_friction.surface_rise
     contact_area, contact_area_error = area.contact_area, area.area_error_of_cycle
     contact_area_pixels, mean_gap = area.contact_area_pixels, area.mean_gap
-    energy_imbalance = checks.energy_imbalance
-    slope_in_contact = checks.slope_in_contact
-    shortest_wave, last_octave_friction = checks.shortest_wave, checks.last_octave_friction
-    extrapolated_friction = checks.extrapolated_friction
-    largest_step, stroke_over_cell = checks.largest_step, checks.stroke_over_cell
-    error, num_fft_pairs = checks.error, checks.num_fft_pairs
+    energy_imbalance = warnings.energy_imbalance
+    slope_in_contact = warnings.slope_in_contact
+    shortest_wave, last_octave_friction = warnings.shortest_wave, warnings.last_octave_friction
+    extrapolated_friction = warnings.extrapolated_friction
+    largest_step = warnings.largest_step
+    error, num_fft_pairs = warnings.error, warnings.num_fft_pairs
 
     displacement = property(attrgetter("problem.displacement"))
     period = property(attrgetter("problem.period"))

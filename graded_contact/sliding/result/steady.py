@@ -12,7 +12,7 @@ from ...core.quantities import STEADY
 from ...fields.frequency import direction_and_speed
 from ..errors import neighbours
 from ..number import AbstractSliding
-from ..numbers import area, checks, gap_flow, load, stiffness
+from ..numbers import area, gap_flow, load, stiffness, warnings
 from ..numbers import friction as of_friction
 from ..numbers import traction as tractions
 from ..problem import SteadyProblem
@@ -55,7 +55,6 @@ class Sliding(AbstractSliding):
     shear_friction = of_friction.shear_friction
     block_friction = tractions.block_friction
     interface_friction = tractions.interface_friction
-    geometric_friction = of_friction.geometric_friction
     surface_rise = of_friction.surface_rise
     contact_area, contact_area_error = area.contact_area, area.contact_area_error
     contact_area_pixels = area.contact_area_pixels
@@ -67,13 +66,13 @@ class Sliding(AbstractSliding):
     contact_stiffness_error = stiffness.contact_stiffness_error
     specific_conductance = stiffness.specific_conductance
     specific_conductance_error = stiffness.specific_conductance_error
-    energy_imbalance = checks.energy_imbalance
-    slope_in_contact = checks.slope_in_contact
-    unmeasured_friction = checks.unmeasured_friction
-    shortest_wave, last_octave_friction = checks.shortest_wave, checks.last_octave_friction
-    extrapolated_friction = checks.extrapolated_friction
-    rim_load = checks.rim_load
-    error, num_fft_pairs = checks.error, checks.num_fft_pairs
+    energy_imbalance = warnings.energy_imbalance
+    slope_in_contact = warnings.slope_in_contact
+    unmeasured_friction = warnings.unmeasured_friction
+    shortest_wave, last_octave_friction = warnings.shortest_wave, warnings.last_octave_friction
+    extrapolated_friction = warnings.extrapolated_friction
+    rim_load = warnings.rim_load
+    error, num_fft_pairs = warnings.error, warnings.num_fft_pairs
 
     velocity = property(attrgetter("problem.velocity"))
     kernel = property(attrgetter("operator.kernel"))

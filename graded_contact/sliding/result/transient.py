@@ -13,7 +13,7 @@ from ...core.display import shown
 from ...core.quantities import TRANSIENT
 from ..errors import neighbours
 from ..number import AbstractSliding
-from ..numbers import area, checks, cycle, gap_flow
+from ..numbers import area, cycle, gap_flow, warnings
 from ..numbers import friction as of_friction
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
@@ -66,17 +66,17 @@ class TransientSliding(AbstractSliding):
     flow_along_x, flow_along_y = gap_flow.flow_along_x, gap_flow.flow_along_y
     flow_along_x_error = flow_along_x.error(gap_flow.flow_errors(0, *of_steps.CAUSES))
     flow_along_y_error = flow_along_y.error(gap_flow.flow_errors(1, *of_steps.CAUSES))
-    slope_in_contact = checks.slope_in_contact
-    extrapolated_times = checks.extrapolated_times
-    largest_step = checks.largest_step
-    error, num_fft_pairs = checks.error, checks.num_fft_pairs
+    slope_in_contact = warnings.slope_in_contact
+    extrapolated_times = warnings.extrapolated_times
+    largest_step = warnings.largest_step
+    error, num_fft_pairs = warnings.error, warnings.num_fft_pairs
 
     times = property(attrgetter("problem.times"))
     displacement = property(attrgetter("contact.displacement"))  # at the kept times
     moved = property(attrgetter("problem.moved"))
 
     def neighbours(self) -> neighbours.Neighbours:
-        return of_steps.neighbours_of(self)
+        return of_steps.neighbours_in_time(self)
 
     @property
     def field_times(self) -> Float[Array, " kept"]:

@@ -24,7 +24,6 @@ from ...core.memory import CYCLE, CYCLE_COUNTERFACE, check_memory
 from ...fields.grid import Grid
 from ...kernels.periodic import periodic_kernel
 from ...kernels.tangential import periodic_tangential_kernels
-from ...materials.coverage import coverage
 from ...response.grading import graded_tolerance
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling, middle_of
@@ -51,21 +50,15 @@ def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
         with within("`counterface`:"):
             other, traction, good = _response(case, case.counterface)
         reached = reached & good
-        counterface = Counterface(
-            at_rest(other),
-            middle_of(other),
-            traction,
-            lags=jnp.iscomplexobj(other),
-            measured_range=coverage(case.counterface),
-        )
+        lags = jnp.iscomplexobj(other)
+        counterface = Counterface(at_rest(other), middle_of(other), traction, lags)
     sheared = shear_stress(case.shear, jnp.zeros((), heights.dtype), case.temperature)
     own = None if case.block_surface is None else case.block_surface.heights
     problem = CycleProblem(
         operator=_operator(kernel, counterface, case.displacement, grid),
         heights=surface.heights, grid=grid, law=law, displacement=case.displacement,
         period=case.period, shear=sheared, coupling=coupling, counterface=counterface,
-        block_heights=own,
-        measured_range=coverage(case.stack), prescribed=case.prescribed, facts=facts_of(case),
+        block_heights=own, prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return problem, reached
 
@@ -74,7 +67,7 @@ def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
     """The kernel of a body, its coupling by traction or None, and whether they are good."""
     grid, num_times, period = case.surface.grid, len(case.displacement), case.period
     kernel, error = periodic_kernel(stack, grid, num_times, period)
-    reached = error <= graded_tolerance(stack, None, grid.size)
+    reached = error <= graded_tolerance(stack, grid.size)
     if not is_coupled(case.shear):
         return kernel, None, reached
     axes = components(case.displacement).shape[1]

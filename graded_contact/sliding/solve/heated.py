@@ -12,8 +12,8 @@ found in steady sliding at the mean speed and the mean load of the cycle, times 
 the cycle over the power of this sliding. The power is of all forces, friction and load: what the
 block loses and what heats the interface. What the counterface loses is made at its surface,
 distributed as the pressure, which overestimates its effect. This is a mean: at the highest speed
-the contact is warmer, and at a turn it cools. And each pass is to meet rubber that has cooled since
-the last one, which is so if the stroke is longer than the spots of contact.
+the contact is warmer, and at a turn it cools. The model assumes that rubber cools
+between passes, which holds if the stroke is longer than the spots of contact.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ...blocks.heated_stack import check_bulk, check_heated, heated
+from ...blocks.heated_stack import check_heated, heated
 from ...blocks.stack import Stack
 from ...contacts.area import area_in_doubt
 from ...contacts.solution import RESULTS, ContactSolution, ended
@@ -40,7 +40,7 @@ from ...surfaces.surface import check_periodic
 from ..case import Case, Heating, facts_of
 from ..formulas import indicator_of, lengths
 from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
-from ..interior.heat_source import check_series, gauss_within, heat_source, intervals, shear_heat
+from ..interior.heat_source import gauss_within, heat_source, intervals, shear_heat
 from ..motion.over_period import refined
 from ..numbers.traction import interface_power
 from ..numerics import Numerics
@@ -174,7 +174,7 @@ def _bulk_of(case: Case) -> Array:
         and not np.any(np.ptp(np.asarray(case.displacement), axis=0))
     ):
         raise ValueError("`heating` is refused: `displacement` does not move.")
-    temperature = as_temperature(check_bulk(case.temperature))
+    temperature = as_temperature(case.temperature)
     temperature = temperature.astype(case.surface.grid.size.dtype)
     for body in case.bodies:
         body.at(temperature)  # refuses what a material cannot have
@@ -254,8 +254,7 @@ def _rises(warm: _Warm, case: Case, edges) -> Array:
 @derivative_apart
 @compiled
 def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
-    """Depths and weights [m] of quadratures over each body, and whether the block's count."""
-    check_series(block)
+    """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
     nodes = [gauss_within(body, edges) for body in bodies]
     return nodes, nodes[0][1] > 0
 

@@ -5,8 +5,8 @@
                                            └──     d(pressure)     ───┘
 
 d is the displacement that is no part of the kernel, else 0: M_ze τ under a traction, and in a cycle
-what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it is that under the
-pressure before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
+what the counterface lacks of its relaxed displacement (`bodies.py`). It lags: it uses the pressure
+before. Anderson's acceleration ends the loop, and the derivative is implicit. In a cycle
 the traction has the direction in which the surface moves at each time. While the surface rests
 there is none: the law is for gross sliding.
 """
@@ -22,6 +22,7 @@ from ...core.compilation import compiled
 from ...core.derivative import still
 from ...core.fixed_point import attach_fixed_field, find_fixed_point
 from ...fields.devices import required
+from ...materials.coverage import coverage
 from ..bodies import lags
 from ..case import Case
 from ..formulas import lift
@@ -40,7 +41,8 @@ def solve_isothermal(
     """Returns the contact of a case without its heat; arguments as of `solve_contact`."""
     pose = cycle_problem if case.velocity is None else steady_problem
     problem, reached = pose(case)
-    load = case.load
+    load, ranges = case.load, tuple(map(_coverage, case.bodies))
+    problem = dataclasses.replace(problem, measured_ranges=ranges)
     if how.throw:  # under `jit` only the program itself can raise
         operator = problem.operator
         kernel = required(operator.kernel, reached, RESULTS.inaccurate_kernel.error_if)
@@ -103,4 +105,4 @@ def _lagged(
     return dataclasses.replace(found, contact=contact)
 
 
-_lift = compiled(lift)
+_lift, _coverage = compiled(lift), compiled(coverage)

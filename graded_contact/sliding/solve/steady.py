@@ -5,7 +5,7 @@ the block at the frequency ω = -q·v, and the counterface at rest.
 """
 
 import functools
-import operator
+import operator as operators
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,20 +14,18 @@ from jaxtyping import Array
 from ...blocks.stack import Stack
 from ...contacts.operators.window import operator_of
 from ...core.checks import is_concrete, within
-from ...core.compilation import compiled
 from ...core.memory import SLIDING, check_memory
 from ...fields.devices import num_devices
 from ...kernels.steady import attempted_kernel
 from ...kernels.window import doubled, has_ground, long_cell, without_images
-from ...materials.coverage import coverage
 from ...materials.softening import as_strain_per_slope, softens
 from ...surfaces.statistics import slope_up_to
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling
 from ..case import Case, facts_of
-from ..numbers.traction import steady_coupling
 from ..problem import SteadyProblem
-from ..shear import is_coupled, shear_stress
+from ..shear import Coulomb, is_coupled, shear_stress
+from .coupling import steady_coupling, under_coulomb
 
 
 def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
@@ -45,25 +43,16 @@ def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
         kernel, reached = kernel + other.kernel, reached & other.reached
         if kernel_error is not None and other.error is not None:
             kernel_error = kernel_error + other.error
-        counterface = Counterface(
-            operator_of(other.kernel, surface.heights.shape),
-            other.kernel,
-            other.coupling,
-            measured_range=_coverage(case.counterface),
-        )
+        operator = operator_of(other.kernel, surface.heights.shape)
+        counterface = Counterface(operator, other.kernel, other.coupling)
     sheared = shear_stress(case.shear, case.velocity, case.temperature)
     problem = SteadyProblem(
         operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
         measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
         shear=sheared, coupling=block.coupling, counterface=counterface,
-        measured_range=_coverage(stack),
-        kernel_error=kernel_error, prescribed=case.prescribed,
-        facts=facts_of(case),
+        kernel_error=kernel_error, prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return problem, reached
-
-
-_coverage = compiled(coverage)
 
 
 def _strain_of(case: Case) -> tuple[Array, Array] | None:
@@ -106,7 +95,7 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
     cells = (grid,) if surface.periodic else (doubled(grid), long_cell(grid))
     found = [attempted_kernel(stack, cell, velocity, strain=strain) for cell in cells]
     kernels = [kernel.real if at_rest else kernel for kernel, _ in found]
-    reached = functools.reduce(operator.and_, (good for _, good in found))
+    reached = functools.reduce(operators.and_, (good for _, good in found))
     kernel, error = kernels[0], None
     if not surface.periodic:
         # Cells of two sizes give the kernel of a window without the images of its load.
@@ -115,13 +104,8 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
     if not is_coupled(case.shear):
         return _Response(kernel, error, None, reached)
     coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
-    reached = reached & good
-    coefficient = getattr(case.shear, "coefficient", None) if coupling.in_kernel else None
-    # Without friction a real kernel stays real.
-    if coefficient is None or (is_concrete(coefficient) and np.asarray(coefficient) == 0):
-        return _Response(kernel, error, coupling, reached)
-    coefficient = coefficient.astype(kernel.real.dtype)
-    coefficient = -coefficient if opposite else coefficient
-    kernel = kernel + coefficient * coupling.lift[0]
-    error = None if error is None or lift_error is None else error + coefficient * lift_error
-    return _Response(kernel, error, coupling, reached)
+    if isinstance(case.shear, Coulomb):
+        coefficient = -case.shear.coefficient if opposite else case.shear.coefficient
+        lifts = coupling.lift[0], lift_error
+        kernel, error = under_coulomb(coefficient, (kernel, error), lifts)
+    return _Response(kernel, error, coupling, reached & good)

@@ -29,7 +29,7 @@ _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many s
 _OF_FIRST_STEP = 0.5  # of the work of the load: half of it is what a block of fluid loses more
 
 
-def neighbours_of(found: Found) -> Neighbours:
+def neighbours_in_time(found: Found) -> Neighbours:
     """Returns the transient solves on half the grid, and in half as many steps."""
     count, fewer = len(found.times), None
     if count >= 2 * _LEAST_STEPS:

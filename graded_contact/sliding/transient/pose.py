@@ -18,6 +18,7 @@ from ...core.derivative import still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
 from ...kernels.memory import creep_of, node_count
+from ...materials.coverage import coverage
 from ..case import COUPLED, GROUND, Case, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
 from ..motion.over_period import components
@@ -42,13 +43,15 @@ def transient_problem(case: Case) -> TransientProblem:
     stress = shear_stress(case.shear, jnp.ones((), surface.heights.dtype), case.temperature)
     load = check_gap(not surface.periodic, GROUND in facts, **case.load)
     loading = loading_of(case.law, surface.heights[None], count, **load)
-    given = next(value for value in loading if value is not None).reshape(count)
+    given = next(value for value in loading if value is not None)
+    given = jnp.broadcast_to(given.ravel(), count)
     if case.approach is not None:  # by the lowest place, which half the grid lacks
         given = given + jnp.mean(surface.heights)
     problem = TransientProblem(  # pyright: ignore[reportCallIssue] (`operator` is a property)
         bodies=case.bodies, creeps=(), heights=surface.heights, grid=grid, law=case.law,
         times=times, displacement=case.displacement, given=given,
         shear=stress, prescribed=case.prescribed, facts=facts, path=path,
+        measured_ranges=tuple(map(coverage, case.bodies)),
         block_heights=None if case.block_surface is None else case.block_surface.heights,
     )  # fmt: skip
     forces = 1 + components(case.displacement).shape[1] if is_coupled(case.shear) else 1

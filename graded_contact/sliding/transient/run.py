@@ -17,7 +17,8 @@ from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
 from ..transient_problem import TransientProblem
-from .steps import STEP_CONTACT, Advance, TransientState, steps_given
+from .step_inputs import steps_given
+from .steps import STEP_CONTACT, Advance, TransientState
 from .waves import TransientWaves
 
 
@@ -25,8 +26,8 @@ def run_transient(
     problem: TransientProblem, how: Numerics, kept: tuple[int, ...]
 ) -> tuple[TransientState, dict[str, Array]]:
     """Returns the state after the last step, and the numbers of all steps."""
-    # All bodies have one program.
-    return _run(dataclasses.replace(problem, bodies=()), how, kept)
+    # The program is that of all bodies.
+    return _run(dataclasses.replace(problem, bodies=(), measured_ranges=()), how, kept)
 
 
 @compiled_loop

@@ -24,9 +24,8 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.ad_checkpoint import checkpoint_name
-from jaxtyping import Array, Complex
+from jaxtyping import Array
 
 from ...contacts.area import contact_shares
 from ...contacts.operators.operator import Field, work_of_waves
@@ -44,6 +43,7 @@ from ..numerics import Numerics
 from ..problem import SteadyProblem
 from ..shear import Coulomb, shear_over_load, shear_parts
 from ..transient_problem import OneStep, TransientProblem
+from .step_inputs import StepInputs
 from .waves import TransientWaves
 
 
@@ -80,24 +80,6 @@ class TransientState(NamedTuple):
     failed: Array
 
 
-class _Step(NamedTuple):
-    """The inputs of a step."""
-
-    length: Array
-    shift: Array  # s [m], along each component
-    way: Array  # how far the surface moves [m]
-    next_length: Array  # of the step after this one
-    next_way: Array
-    given: Array
-    tables: tuple[Array, ...]  # `now`, `whole` and `aged` of the `Creep` of each force
-    decay: Array  # exp(s_k Δ)
-    from_old: Array  # of the step before
-    from_new: Array
-    slot: Array  # where its fields are kept
-    index: Array
-    counts: Array  # False for a step that only fills up the last segment
-
-
 class _OfStep(AbstractSliding):
     """The contact of a step, of which formulas compute numbers."""
 
@@ -130,7 +112,9 @@ class Advance(eqx.Module):
             result=RESULTS.successful, failed=jnp.full((), -1, int),
         )  # fmt: skip
 
-    def step(self, state: TransientState, given: _Step) -> tuple[TransientState, dict[str, Array]]:
+    def step(
+        self, state: TransientState, given: StepInputs
+    ) -> tuple[TransientState, dict[str, Array]]:
         """Returns the state at the end of a step, and its numbers."""
         problem, waves, bodies = self.problem, self.waves, len(self.problem.creeps)
         turns = [1.0 if i % bodies else waves.turn(given.shift) for i in range(len(state.pasts))]
@@ -193,7 +177,7 @@ class Advance(eqx.Module):
             failed=jnp.where(good & ~ends_well, given.index, state.failed),
         ), numbers
 
-    def _contact(self, operator: OneStep, heights: Field, state: TransientState, given: _Step):
+    def _contact(self, operator: OneStep, heights: Field, state: TransientState, given: StepInputs):
         """The contact of a step."""
         problem, how, gap = self.problem, self.how, given.given
         if problem.prescribed == "approach":
@@ -203,10 +187,13 @@ class Advance(eqx.Module):
         # As the pressure went on in the step before: two thirds of the FFT pairs.
         start = jnp.maximum(state.pressure + given.length * state.rise, problem.law.bounds[0])
         start = jax.lax.stop_gradient(start)
-        contact = contact_of(inputs, how.solver, how.adjoint, how.rtol, start, None, False)
+        rtol = how.rtol, how.derivative_rtol
+        contact = contact_of(inputs, how.solver, *rtol, start, None, False)
         return jax.tree.map(lambda leaf: checkpoint_name(leaf, STEP_CONTACT), contact)
 
-    def _works(self, state: TransientState, given: _Step, pasts: list[Past], traction, sheared):
+    def _works(
+        self, state: TransientState, given: StepInputs, pasts: list[Past], traction, sheared
+    ):
         """The works of friction, of the load and of shear in a step [J/m²]."""
         waves = self.waves
         # Of the pressure on each body, also where traction moves it.
@@ -233,7 +220,7 @@ class Advance(eqx.Module):
             other = other - waves.field(functools.reduce(jnp.add, moved[1::2]))
         return block, touching_at(problem.roughness, problem.grid, block - passing, other)
 
-    def _forces(self, state: TransientState, given: _Step) -> tuple[list[Any], list[Array]]:
+    def _forces(self, state: TransientState, given: StepInputs) -> tuple[list[Any], list[Array]]:
         """Each force over the pressure, and half spectra of those that do not follow its step.
 
         First pressures, then tractions, opposite on a counterface. Coulomb's traction is in
@@ -255,7 +242,7 @@ class Advance(eqx.Module):
         spectrum = to_spectrum(self.waves.on_grid(least * state.shares + added))
         return factors, [sign * spectrum for sign in signs]
 
-    def _known(self, force: int, past: Past, given: _Step):
+    def _known(self, force: int, past: Past, given: StepInputs):
         """The kernels of a force in the step, the waves that its past leaves, and its memory."""
         parts = lambda wave: jnp.stack([wave.real, wave.imag])  # noqa: E731
         old, new, waves = parts(past.before), parts(past.pressed), self.waves
@@ -315,38 +302,3 @@ def _direction(way: Array) -> tuple[Array, Array]:
 
 STEP_CONTACT = "contact"  # what a derivative keeps of each step
 OF_STEPS = "error", "gap_error", "num_steps", "num_fft_pairs"
-
-
-def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> _Step:
-    """The inputs of all steps."""
-    count = len(problem.times)
-    lengths, way = problem.steps
-    tables = tuple(
-        jnp.stack([creep.now[kind], creep.whole[kind], creep.aged * (kind == 0)], 1)
-        for kind in [0, *[1] * (way.shape[1] if len(problem.creeps[0].kernels) > 1 else 0)]
-        for creep in problem.creeps
-    )
-    # The nodes follow from the times: all bodies have equal ones.
-    z = problem.creeps[0].nodes * lengths[:, None]
-    twice = _rest_of_exponential(z)
-    once = 1 + z * twice  # (exp(z) - 1)/z
-    before = lambda row: jnp.concatenate([jnp.zeros_like(row[:1]), row[:-1]])  # noqa: E731
-    slots = np.full(count, len(kept))
-    slots[list(kept)] = np.arange(len(kept))
-    return _Step(
-        length=lengths, shift=problem.moved, way=way, given=problem.given,
-        next_length=jnp.roll(lengths, -1), next_way=jnp.roll(way, -1, axis=0),
-        tables=tables, decay=jnp.exp(z), from_old=before(lengths[:, None] * (once - twice)),
-        from_new=before(lengths[:, None] * twice), slot=jnp.asarray(slots),
-        index=jnp.arange(count), counts=jnp.ones(count, bool),
-    )  # fmt: skip
-
-
-def _rest_of_exponential(z: Complex[Array, "..."]) -> Complex[Array, "..."]:
-    """(exp(z) - 1 - z)/z², of small z by its series."""
-    small = jnp.abs(z) < 1
-    near, far = jnp.where(small, z, 0), jnp.where(small, 1, z)
-    series = jnp.ones_like(z)
-    for k in range(20, 2, -1):
-        series = 1 + series * near / k
-    return jnp.where(small, series / 2, (jnp.exp(far) - 1 - far) / far**2)

@@ -12,11 +12,11 @@ from ...contacts.operators.operator import nonzero
 from ...core.derivative import largest
 from ...core.warnings import WARN_ABOVE, Above, NumberOf
 from ...fields.grid import to_field, to_spectrum, wavenumber
-from ...materials.coverage import coverage, is_unknown, unknown_share
+from ...materials.coverage import is_unknown, unknown_share
 from ..case import PERIODIC, WINDOW
 from ..energy import exchange, frequencies, losses, powers_of_traction
 from ..formulas import along_motion, counterface_displacement, displaced, loaded, shared, slopes
-from ..motion import motion
+from ..motion.motion import step_length
 from ..number import Found, observable
 from ..transient_problem import TransientProblem, steps_of
 
@@ -55,19 +55,13 @@ BEYOND_TIMES = Above(
 )
 ON_THE_RIM = Above(
     1e-3,
-    "{value:.2g} of the load acts on the rim of the window. Take a larger window, unless the body "
-    "ends there.",
+    "{value:.2g} of the load acts on the outermost points of a non-periodic surface. Take a larger "
+    "surface, unless the body ends there.",
 )
 TOO_FAST = Above(
     1 + WARN_ABOVE,
     "The surface moves by up to {value:.2g} spacings of the grid from one time to the next: the "
     "times do not resolve how the shortest waves move. Take more times.",
-)
-TOO_FAR = Above(
-    1 + 1e-3,  # a stroke as long as the cell may be rounded
-    "The stroke is {value:.3g} times as long as the cell: the surface is periodic, so that the "
-    "next copy of each asperity follows in its track before it turns. Take a larger cell or a "
-    "shorter stroke.",
 )
 
 
@@ -170,11 +164,7 @@ def extrapolated_friction(found: Found) -> Array:
 
     Its modulus there is an extrapolation. See `coverage`; a material of the body that dissipates.
     """
-    counterface, omega = found.problem.counterface, frequencies(found)
-    ranges = (
-        found.problem.measured_range,
-        None if counterface is None else counterface.measured_range,
-    )
+    omega, ranges = frequencies(found), found.problem.measured_ranges
     # Under steady sliding the counterface is at rest: the block alone dissipates.
     lost = [jnp.abs(body) for body in losses(found)]
     unknown = [
@@ -195,14 +185,14 @@ def extrapolated_times(found: Found) -> Array:
     """
     times = found.problem.times
     rates = 1 / times[-1], 1 / jnp.min(steps_of(times))
-    known = [one for body in found.problem.bodies if (one := coverage(body)) is not None]
-    shares = [unknown_share(*rates, one) for one in known]
+    ranges = found.problem.measured_ranges
+    shares = [unknown_share(*rates, known) for known in ranges if known is not None]
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, shares, jnp.zeros_like(rates[0])))
 
 
-@observable("share of the load on the rim of the window", needs=[WINDOW], warns=ON_THE_RIM)
+@observable("share of the load on the outermost points", needs=[WINDOW], warns=ON_THE_RIM)
 def rim_load(found: Found) -> Array:
-    """Share of the load on the outermost points of a window [1]; NaN without a load."""
+    """Share of the load on the outermost points of a non-periodic surface [1]."""
     rim = np.full(found.grid.shape, WINDOW in found.facts)
     rim[(slice(1, -1),) * found.grid.ndim] = False
     return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
@@ -212,17 +202,7 @@ def rim_load(found: Found) -> Array:
 def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     from_rest = isinstance(found.problem, TransientProblem)
-    return motion.largest_step(found.problem.displacement, found.grid.spacing, from_rest)
-
-
-@observable("extent of the motion that comes back, over the cell", warns=TOO_FAR)
-def stroke_over_cell(found: Found) -> Array:
-    """Extent of the motion along an axis over the edge of the cell [1], the larger one.
-
-    Of the part that comes back: 0 under steady sliding.
-    """
-    back = found.motion_of_surface[1]
-    return jnp.max(jnp.ptp(back, axis=0) / found.grid.size[: back.shape[1]])
+    return step_length(found.problem.displacement, found.grid.spacing, from_rest)
 
 
 @observable("estimated relative error of the contact pressure")
