@@ -5,7 +5,6 @@ is taken. From a single start one of many isotherms ends decades off now and the
 apart from its neighbours costs nothing, because branches of its own explain it. The starts are
 
 - the shifts where neighbours, as measured, overlap with the least difference,
-- the law that is nearest to the shifts of neighbours that overlap,
 - the shifts where one spectrum fits both neighbours, which knows more where curves do not overlap.
 """
 
@@ -17,10 +16,10 @@ import numpy as np
 import scipy
 
 from ..core.compilation import compiled
-from .lengths import SEARCH, Length, best_of_length, choose, criterion, non_negative
 from .observations import Observations, Unknowns
 from .series import SeriesProblem, problem_of
 from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts, log_shifts
+from .terms import WALK, Length, best_of_length, choose, criterion, non_negative
 
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
 DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # the same by spectra, each of which is a fit
@@ -31,14 +30,13 @@ SETTLED = 0.7  # times the error before: the number of terms then shows
 
 
 def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
-    """Returns three sets of unknowns of the shifts."""
+    """Returns two sets of unknowns of the shifts."""
     steps, paired = _by_overlap(series, isotherms)
     law = _nearest_law(isotherms, steps, np.where(paired, 1, UNSEEN))
     fitted = _by_spectra(series, isotherms)
     by_spectra = _nearest_law(isotherms, fitted, np.ones(len(fitted)))
     return [
         _unknowns(isotherms, law, _summed_steps(isotherms, steps)),
-        _unknowns(isotherms, law, law_shifts(isotherms, law)),
         _unknowns(isotherms, by_spectra, _summed_steps(isotherms, fitted)),
     ]
 
@@ -106,7 +104,7 @@ def _by_spectra(series, isotherms):
         for distance in DISTANCES:
             shifts = distance * (np.arange(count) == colder)
             pair = np.isin(series.group, (colder, colder + 1))
-            part = _restricted(series.shifted(shifts, np.zeros(count)), pair)
+            part = series.shifted(shifts, np.zeros(count)).part(pair)
             log_times = part.time_grid(4)
             strengths = non_negative(part, log_times)
             model = part.known + strengths @ part.columns(log_times)
@@ -114,13 +112,6 @@ def _by_spectra(series, isotherms):
             costs.append(part.weights @ relative**2)
         steps.append(DISTANCES[np.argmin(costs)])
     return np.array(steps)
-
-
-def _restricted(series, points):
-    """The problem of some of the points, given as a mask."""
-    rows = np.tile(points, len(series.weights) // len(series.x))
-    parts = {name: getattr(series, name)[rows] for name in ("log_values", "weights", "known")}
-    return dataclasses.replace(series, x=series.x[points], static=series.static[:, rows], **parts)
 
 
 # Shifts and series ------------------------------------------------------------------------------
@@ -154,7 +145,7 @@ def _end(data, shifts):
     # The residuals' variance is known only once the shifts are: the law holds less and less.
     for _ in range(3):
         series = _expecting(data, series.noise(unknowns))
-        unknowns, cost = series.minimise(unknowns, rtol=SEARCH, max_steps=150)
+        unknowns, cost = series.minimise(unknowns, rtol=WALK, max_steps=150)
     return criterion(series, len(unknowns), cost), unknowns
 
 

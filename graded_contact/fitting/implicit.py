@@ -17,9 +17,9 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_type
 from ..core.compilation import compiled, one_thread_of_lapack
-from .lengths import Length
 from .observations import Loss, Observations, Unknowns, concrete
 from .series import SeriesProblem, problem_of
+from .terms import Length
 
 SOFTENINGS = 5  # at most: the first scales have the bad values' pull on the fit in them
 SETTLED = 0.9  # times the scale before

@@ -29,11 +29,11 @@ from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .alignment import at_reference, shifts_and_series
 from .implicit import optimum
-from .lengths import check_terms, criterion
 from .observations import Isotherm, Loss, joined_curves
 from .prony import AbstractFit, PronyFit, deviation
 from .quality import report_of
 from .shifts import LAW_LIMITS, LN10, Isotherms, law_shifts, log_shifts, split_shifts
+from .terms import check_terms, criterion
 
 AT_BOUND = 1e-3  # of the logarithm of a constant of a law
 

@@ -29,10 +29,10 @@ from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
 from .implicit import optimum
-from .lengths import Length, check_terms, choose
 from .observations import Loss, Observations, Unknowns, observe
 from .quality import FitErrors, covariance, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
+from .terms import Length, check_terms, choose
 
 FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 

@@ -1,23 +1,16 @@
 """How well a series is known: covariance of its unknowns, errors, report (NumPy).
 
-A Gauss-Newton fit has the covariance C = H⁻¹ (Σ_ij g_i w_i V_ij w_j g_jᵀ) H⁻¹ with
-H = Σ_i w_i g_i g_iᵀ and g = ∂ ln m/∂θ. V is the covariance of the errors. Each channel has its own
-size of errors σ, and its own correlation of neighbours ρ: errors at a distance of k points have the
-correlation ρ^k.
+A Gauss-Newton fit has the covariance C = H⁻¹ Gᵀ V G H⁻¹ with H = Gᵀ G and G = ∂ ln m/∂θ. V is the
+covariance of the errors: each channel has its own size, and errors at a distance of k points have
+the correlation ρ^k.
 
 The residuals are smaller and less alike than the errors, because the fit follows the errors in
-part. σ and ρ therefore come from the restricted likelihood, that of the combinations of the
-data that no change of the unknowns alters (H. D. Patterson, R. Thompson, Biometrika 58 (1971) 545,
-doi:10.1093/biomet/58.3.545):
-
-    -ln L = ½ ln|V| + ½ ln|Gᵀ V⁻¹ G| + ½ (rᵀ V⁻¹ r - bᵀ (Gᵀ V⁻¹ G)⁻¹ b),    b = Gᵀ V⁻¹ r.
-
-Few independent errors leave σ and ρ uncertain. V is therefore the mean over a cloud of (atanh ρ,
-ln σ²) about the most likely ones. A systematic misfit of the series is not part of C.
+part. ρ therefore has the restricted likelihood, of the combinations of the data that no change of
+the unknowns alters (H. D. Patterson, R. Thompson, Biometrika 58 (1971) 545,
+doi:10.1093/biomet/58.3.545). Few independent errors leave ρ uncertain: V is the mean over ρ with
+this likelihood. A systematic misfit of the series is not part of C.
 """
 
-import dataclasses
-import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,135 +19,67 @@ import scipy
 from ..core.display import shown
 from .series import SeriesProblem
 
-# Limits of atanh ρ, and of ln σ² about the mean square. Errors with ρ > 0.95 are rather a misfit.
-BOUNDS = ((-1.0, 1.8), (-12.0, 12.0))
-# Variance of the cloud over that of (atanh ρ, ln σ²). With 1, ± 1.96 standard errors enclose 90 to
-# 92 % of the true values at ρ = 0.8; with 2, 92 % and more (`bench_uncertainty.py`).
-CLOUD = 2.0
-FLATTEST = 2.0  # curvature of -ln L: what the data do not determine has the variance 1/2
+ALIKE = np.linspace(-0.75, 0.95, 35)  # trial ρ: errors more alike than these are rather a misfit
 LEAST_NOISE = 1e-4  # log residual of a modulus that no instrument, and no search, goes below
-LIKELIHOOD_STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
-RIDGE = 1e-13  # on the diagonal of a matrix, relative: far below what data determine
 FAR = 5  # robust standard deviations
 MOST_NAMED = 10
 
 
 def covariance(series: SeriesProblem, theta: np.ndarray) -> np.ndarray:
-    """Returns the covariance of the unknowns; those at a bound have none.
+    """Returns the covariance of the unknowns; it is zero for unknowns at a bound.
 
-    Neighbours are of one isotherm. What is expected of shifts counts as known.
+    Neighbours are of one isotherm. The expected sizes of shifts count as known.
     """
     residual, jacobian = series.derivatives(theta)
     free = series.within_bounds(theta)
-    jacobian, penalty = jacobian[free], series.penalty(theta)[free]
-    hessian = (jacobian * series.weights) @ jacobian.T + np.diag(penalty)
-    diagonal = np.diagonal(hessian)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1))
-    rows = np.flatnonzero(series.measured)
-    channel, point = np.divmod(rows, len(series.x))
-    group = np.zeros(len(rows), int) if series.group is None else series.group[point]
-    order = np.lexsort((series.x[point], group, channel))
-    rows, group = rows[order], group[order]
-    channel = np.unique(channel[order], return_inverse=True)[1]
-    root = np.sqrt(series.weights[rows])
-    noise = _Errors(
-        channel=channel,
-        first=np.append(True, (np.diff(channel) > 0) | (np.diff(group) > 0)),
-        values=root * residual[rows],
-        design=(jacobian[:, rows] * root).T * scale,
-        penalty=penalty * scale**2,
-    ).noise()
+    rows, channel, first = _in_order(series)
+    root, penalty = np.sqrt(series.weights[rows]), series.penalty(theta)[free]
+    errors, design = root * residual[rows], root[:, None] * jacobian[free][:, rows].T
+    scale = 1 / np.sqrt(np.maximum(np.sum(design**2, axis=0) + penalty, 1e-300))
+    design, penalty = design * scale, penalty * scale**2
+    counts = np.maximum(np.bincount(channel), 1)
+    size = np.sqrt(np.bincount(channel, errors**2) / counts)[channel] + LEAST_NOISE
+    usual = np.mean(size**2)
+    tied = np.diag(np.sqrt(penalty / usual))
+    by_distance = _alike(np.column_stack([design, errors]) / size[:, None], tied, first)
+    noise = np.diag(penalty * usual)
+    for run in np.split(design * size[:, None], np.flatnonzero(first)[1:]):
+        noise += run.T @ scipy.linalg.toeplitz(by_distance[: len(run)]) @ run
     # Directions that rounding alone determines are left out.
-    inverse = np.linalg.pinv(hessian * scale * scale[:, None], rcond=1e-13, hermitian=True)
+    inverse = np.linalg.pinv(design.T @ design + np.diag(penalty), rcond=1e-13, hermitian=True)
     spread = np.zeros((len(free), len(free)))
     spread[np.ix_(free, free)] = scale * scale[:, None] * (inverse @ noise @ inverse)
     return spread
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Errors:
-    """Errors of weight 1, and the parameters (atanh ρ of each channel, ln σ² of each) of their V.
+def _in_order(series):
+    """Measured rows by channel, isotherm and x; their channel, and which have none before them."""
+    rows = np.flatnonzero(series.measured)
+    channel, point = np.divmod(rows, len(series.x))
+    group = np.zeros(len(rows), int) if series.group is None else series.group[point]
+    order = np.lexsort((series.x[point], group, channel))
+    channel, group = channel[order], group[order]
+    first = (np.diff(channel, prepend=-1) != 0) | (np.diff(group, prepend=-1) != 0)
+    return rows[order], channel, first
 
-    **Fields:** (rows by channel, isotherm and x, so that neighbours follow each other)
 
-    - `channel`: of each row, counted from 0.
-    - `first`: which of them have no neighbour before them.
-    - `values`, `design`: residuals, and derivatives of the model, shape `(rows, unknowns)`.
-    - `penalty`: weights of the squares of the unknowns in the cost.
+def _alike(columns: np.ndarray, tied: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """The covariance of errors by their distance in points, the mean over ρ.
+
+    `columns` are the design and the errors, `tied` the rows of the expected sizes of unknowns. The
+    triangle of a QR decomposition of whitened columns has the determinant and the misfit.
     """
-
-    channel: np.ndarray
-    first: np.ndarray
-    values: np.ndarray
-    design: np.ndarray
-    penalty: np.ndarray
-
-    @property
-    def mean_square(self) -> float:
-        return float(self.values @ self.values) / max(len(self.values) - len(self.penalty), 1)
-
-    def filter(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns W of V⁻¹ = Wᵀ W: its diagonal, and what is left of it.
-
-        A row of W subtracts from an error what its neighbour tells, and divides by the standard
-        deviation of the rest. `ln σ²` is relative to `mean_square`.
-        """
-        alike, log_size = np.split(parameters, 2)
-        alike = np.where(self.first, 0, np.tanh(alike)[self.channel])
-        variance = self.mean_square * np.exp(log_size)[self.channel]
-        diagonal = 1 / np.sqrt((1 - alike**2) * variance)
-        return diagonal, -alike * diagonal
-
-    def noise(self) -> np.ndarray:
-        """Returns Gᵀ V G, V being the mean over the cloud, and the errors of what is expected.
-
-        No search ends so near to exact data that its distance is not a part of V.
-        """
-        noise = np.diag(self.penalty * self.mean_square)
-        noise += LEAST_NOISE**2 * self.design.T @ self.design
-        if not self.mean_square:
-            return noise
-        cloud = self.cloud()
-        for parameters in cloud:
-            diagonal, left = self.filter(parameters)
-            bands = np.array([np.append(0, left[1:]), diagonal])
-            carried = scipy.linalg.solve_banded((0, 1), bands, self.design)  # W⁻ᵀ G
-            noise += carried.T @ carried / len(cloud)
-        return noise
-
-    def cloud(self) -> list[np.ndarray]:
-        """Returns equally likely parameters about those of the largest restricted likelihood.
-
-        They are the corners of a box along the axes of their covariance.
-        """
-        bounds = np.repeat(BOUNDS, self.channel[-1] + 1, axis=0)
-        likely = np.repeat([0.3, 0.0], self.channel[-1] + 1)
-        likely = scipy.optimize.minimize(self.surprise, likely, method="L-BFGS-B", bounds=bounds).x
-        steps = LIKELIHOOD_STEP * np.eye(len(likely))
-        curvature = np.empty(steps.shape)
-        for (i, a), (j, b) in itertools.product(enumerate(steps), repeat=2):
-            corners = (
-                s * t * self.surprise(likely + s * a + t * b) for s in (-1, 1) for t in (-1, 1)
-            )
-            curvature[i, j] = sum(corners) / (2 * LIKELIHOOD_STEP) ** 2
-        values, axes = np.linalg.eigh(curvature)
-        reach = np.sqrt(CLOUD / np.maximum(values, FLATTEST)) * axes
-        signs = itertools.product((-1, 1), repeat=len(likely))
-        return [np.clip(likely + reach @ sign, *bounds.T) for sign in signs]
-
-    def surprise(self, parameters: np.ndarray) -> float:
-        """Returns -ln L, less a constant."""
-        columns = np.column_stack([self.design, self.values])
-        diagonal, left = self.filter(parameters)
-        before = np.concatenate([columns[:1], columns[:-1]])
-        white = (diagonal * columns.T + left * before.T).T  # W times the columns
-        products = white.T @ white
-        stiffness = products[:-1, :-1] + np.diag(self.penalty / self.mean_square)
-        stiffness += RIDGE * np.diag(np.diagonal(stiffness))
-        root = np.linalg.cholesky(stiffness)
-        pull = np.linalg.solve(root, products[:-1, -1])
-        half_logs = np.sum(np.log(np.diagonal(root))) - np.sum(np.log(diagonal))
-        return half_logs + (products[-1, -1] - pull @ pull) / 2
+    spare, logs, variances = max(len(columns) - len(tied), 1), [], []
+    before = np.where(first[:, None], 0, np.roll(columns, 1, axis=0))
+    tied = np.column_stack([tied, np.zeros(len(tied))])
+    for rho in ALIKE:
+        white = (columns - rho * before) / np.sqrt(np.where(first, 1, 1 - rho**2))[:, None]
+        triangle = np.linalg.qr(np.concatenate([white, tied]), mode="r")
+        *known, misfit = np.log(np.abs(np.diagonal(triangle)) + 1e-30)
+        logs.append(-np.sum(~first) * np.log(1 - rho**2) / 2 - np.sum(known) - spare * misfit)
+        variances.append(np.exp(2 * misfit) / spare)
+    likely = np.exp(logs - np.max(logs))
+    return likely / np.sum(likely) * variances @ ALIKE[:, None] ** np.arange(len(columns))
 
 
 @shown()

@@ -135,6 +135,12 @@ class SeriesProblem:
         """Returns the problem of a single isotherm that remains once the shifts are known."""
         return self.shifted(*log_shifts(self.isotherms, theta)) if self.isotherms else self
 
+    def part(self, points: np.ndarray) -> "SeriesProblem":
+        """Returns the problem of some of the points, given as a mask."""
+        rows = np.tile(points, len(self.weights) // len(self.x))
+        lines = {name: getattr(self, name)[rows] for name in ("log_values", "weights", "known")}
+        return dataclasses.replace(self, x=self.x[points], static=self.static[:, rows], **lines)
+
     def shifted(self, along: Any, across: Any) -> "SeriesProblem":
         """Returns the problem with ln a and ln b of the isotherms given."""
         along = self._at_rows(along)[: len(self.x)]
@@ -160,10 +166,9 @@ class SeriesProblem:
         return self.xp.concatenate([self.branches(log_times), self.static])
 
     def model(self, theta: Any) -> Any:
-        """Returns m at every row, at the shifts in `theta` if there are isotherms."""
+        """Returns m at every row; the shifts in `theta` do not count."""
         s, log_times, c = self.split(theta)
-        parts = self.xp.exp(s) @ self.at(theta).branches(log_times)
-        return self._sum(parts, self.xp.exp(c))
+        return self._sum(self.xp.exp(s) @ self.branches(log_times), self.xp.exp(c))
 
     def _sum(self, branches, static):
         """m, above zero also where every decay has underflowed."""
@@ -176,7 +181,8 @@ class SeriesProblem:
 
     def misfit(self, theta: Any) -> Any:
         """Returns the residual at θ, the shifts in it included."""
-        return self.at(theta).residual(self.model(theta))
+        here = self.at(theta)
+        return here.residual(here.model(theta[: len(theta) - self.num_shifts]))
 
     def softened(self, residual: Any) -> Any:
         """Returns g(r) whose square is SciPy's `soft_l1` of the residual r, or r itself."""
@@ -223,15 +229,13 @@ class SeriesProblem:
         """Returns the minimum reached from `theta`; `choices` as in `least_squares`."""
         root, tied = np.sqrt(self.weights), np.sqrt(self.penalty(theta))
 
-        def expand(theta):
-            residual, jacobian = self.derivatives(theta)
-            jacobian *= root
-            if not self.isotherms:
-                return root * residual, jacobian
-            rows = np.append(root * residual, tied * theta)
-            return rows, np.concatenate([jacobian, np.diag(tied)], axis=1)
+        def residual(theta):
+            return np.append(root * self.softened(self.misfit(theta)), tied * theta)
 
-        theta, cost = least_squares(expand, theta, *self.bounds(theta), **choices)
+        def jacobian(theta):
+            return np.concatenate([root * self.derivatives(theta)[1], np.diag(tied)], axis=1).T
+
+        theta, cost = least_squares(residual, jacobian, theta, *self.bounds(theta), **choices)
         s, log_times, _ = self.split(theta)
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], theta[2 * len(s) :]]), cost

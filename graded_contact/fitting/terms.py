@@ -1,10 +1,13 @@
-"""The best series of every length, from one branch to the most that the data determine.
+"""The number of Prony terms, and the best series of each number.
+
+    best positive spectrum -> one term fewer, again and again -> least criterion -> one term more
+                                                                                  and one fewer
 
 The best positive spectrum of all is found by non-negative least squares on a dense grid of times
 (C. L. Lawson, R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours
-merged, then all unknowns refined; no added branch lowers its error. From it a walk leads down, each
-time joining the two branches (or dropping the one) that costs least, and up again, each new branch
-put where it lowers the error most. Down alone ends in poor local minima now and then.
+merged, then all unknowns refined. From it a walk leads down: each time the two branches are joined
+(or the one is dropped) that costs least. Down alone ends in a poor local minimum now and then, so
+a branch more and one fewer are tried with the number that is chosen.
 """
 
 import dataclasses
@@ -21,12 +24,12 @@ from .series import SeriesProblem
 
 SEARCH = 1e-5  # relative tolerance of the cost
 WALK = 1e-4  # of each length along a walk: its neighbours follow
-MOST_POINTS_SEARCHED = 400  # that a search goes through
+MOST_POINTS_SEARCHED = 500  # that a search goes through
 TIMES_PER_DECADE = 10
 ROUNDS = 3  # of a branch more and one fewer, to a given length
+NO_GAIN = 1.001  # of the cost, up to which a series is as good as a longer one
 LEAST_GAIN = 1e-3  # of such a round, to go on
 REWEIGHTED = 3  # times, so that bad values do not lead the start
-MOST_ADDED = 10  # branches, to the best spectrum on a grid
 RESOLUTION = 1e-6  # of measured values, relative
 
 
@@ -68,16 +71,17 @@ def check_terms(data: Observations, terms: int | None) -> None:
 
 def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[Length, ...]]:
     """Returns the unknowns of `terms` branches, or of the least criterion and all lengths tried."""
-    if terms is not None:
-        return series.minimise(best_of_length(series, terms), rtol=0)[0], ()
-    count = np.sum(series.measured)
-    fitted = best_path(series, max(int(count - 1 - len(series.static)) // 2, 1))
-    path = []
-    for length, (theta, cost) in fitted.items():
-        bic = criterion(series, len(theta), cost)
-        path.append(Length(length, series.rms(theta), bic))
-    chosen = min(path, key=lambda length: length.bic)
-    return series.minimise(fitted[chosen.terms][0], rtol=0)[0], tuple(path)
+    few, path = thinned(series), []
+    if terms is None:
+        fitted = _walk_down(few, _dense_start(few))
+        for theta, _ in fitted:
+            bic = criterion(series, len(theta), series.total_cost(theta))
+            path.append(Length(series.terms(theta), series.rms(theta), bic))
+        theta = fitted[np.argmin([length.bic for length in path])][0]
+        theta = _exchanged(few, theta)
+    else:
+        theta = best_of_length(few, terms)
+    return series.minimise(theta, rtol=0)[0], tuple(path)
 
 
 def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
@@ -93,103 +97,53 @@ def criterion(series: SeriesProblem, unknowns: int, cost: float) -> float:
 # The best series --------------------------------------------------------------------------------
 
 
-def _best_spectrum(few):
-    """The positive spectrum nearest to the data, which no series is nearer to."""
-    theta, cost = few.minimise(_dense_start(few), rtol=SEARCH)
-    for _ in range(MOST_ADDED):
-        gain, longer = _with_branch(few, _without_faint(few, theta))
-        if gain < 1e-4 * cost:
-            break
-        longer, lower = few.minimise(longer, rtol=SEARCH)
-        if lower > (1 - 1e-4) * cost:
-            break
-        theta, cost = longer, lower
-    theta = _without_faint(few, theta)
-    return theta, few.total_cost(theta)
-
-
 def best_of_length(series: SeriesProblem, terms: int) -> np.ndarray:
-    """Returns the best series found of exactly `terms` branches.
-
-    From evenly spaced branches, and from the best spectrum on a grid of times, whose branches are
-    joined. Then a branch more and one fewer, as long as that lowers the error.
-    """
+    """Returns the best series found of exactly `terms` branches."""
     few = thinned(series)
-    joined = _dense_start(few)
-    while few.terms(joined) > terms:
-        joined = _one_fewer(few, joined)[0]
-    while few.terms(joined) < terms:
-        joined = _with_branch(few, joined)[1]
-    tried = [few.minimise(start, rtol=SEARCH) for start in (joined, _spaced_start(few, terms))]
-    best = min(tried, key=lambda fitted: fitted[1])
-    for _ in range(ROUNDS if terms else 0):
-        longer, _ = few.minimise(_with_branch(few, best[0])[1], rtol=WALK)
-        tried = [few.minimise(start, rtol=WALK) for start in _one_fewer(few, longer)]
-        before, best = best[1], min([best, *tried], key=lambda fitted: fitted[1])
+    theta = _dense_start(few)
+    while few.terms(theta) > terms:
+        theta = _one_fewer(few, theta)[0]
+    while few.terms(theta) < terms:
+        theta = _with_branch(few, theta)
+    return _exchanged(few, theta, _spaced_start(few, terms))
+
+
+def _walk_down(few, theta) -> list[Fitted]:
+    """The best series found of each length, the shortest first."""
+    fitted = [few.minimise(theta, rtol=SEARCH)]
+    static = few.known + np.sum(few.static, axis=0)
+    least = int(np.any(static[few.measured] <= 0))
+    while few.terms(theta := fitted[-1][0]) > least:
+        tried = [few.minimise(start, rtol=WALK) for start in _one_fewer(few, theta)]
+        shorter = min(tried, key=lambda fit: fit[1])
+        if len(fitted) == 1 and shorter[1] < NO_GAIN * fitted[0][1]:
+            fitted.clear()  # no data show the longest series
+        fitted.append(shorter)
+    return fitted[::-1]
+
+
+def _exchanged(few, *starts):
+    """The best series after a branch more and one fewer, as long as that lowers the error."""
+    best = min((few.minimise(start, rtol=SEARCH) for start in starts), key=lambda fit: fit[1])
+    for _ in range(ROUNDS if few.terms(best[0]) else 0):
+        longer, _ = few.minimise(_with_branch(few, best[0]), rtol=SEARCH)
+        tried = [few.minimise(start, rtol=SEARCH) for start in _one_fewer(few, longer)]
+        before, best = best[1], min([best, *tried], key=lambda fit: fit[1])
         if best[1] > (1 - LEAST_GAIN) * before:
             break
     return best[0]
 
 
-def best_path(series: SeriesProblem, most: int) -> dict[int, Fitted]:
-    """Returns the best series found of each length, up to `most` terms or to the floor."""
-    few = thinned(series)
-    theta, cost = _best_spectrum(few)
-    # The path ends at the shortest series that is within 0.05 % of the floor: no data show less.
-    while (terms := few.terms(theta)) > 1:
-        shorter = few.minimise(_one_fewer(few, theta)[0], rtol=WALK)
-        if terms <= most and shorter[1] > 1.001 * cost:
-            break
-        theta, cost = shorter
-    path = {terms: (theta, cost)}
-
-    def keep(start):
-        fitted = few.minimise(start, rtol=WALK)
-        length = few.terms(fitted[0])
-        if length not in path or fitted[1] < path[length][1]:
-            path[length] = fitted
-
-    rows = few.weights > 0
-    shortest = int(np.any((few.known + np.sum(few.static, axis=0))[rows] <= 0))
-    for length in range(terms, shortest, -1):
-        for shorter in _one_fewer(few, path[length][0]):
-            keep(shorter)
-    for length in range(shortest, terms):
-        keep(_with_branch(few, path[length][0])[1])
-    thetas = {terms: theta for terms, (theta, _) in sorted(path.items())}
-    return {terms: (theta, float(series.total_cost(theta))) for terms, theta in thetas.items()}
-
-
 def thinned(series: SeriesProblem) -> SeriesProblem:
-    """Returns much the same problem of fewer points, by averaging neighbours.
-
-    A search through it costs no more than one through few data.
-    """
-    if len(series.x) <= MOST_POINTS_SEARCHED:
-        return series
-    log_x = np.log(np.maximum(series.x, 1e-2 * np.min(series.x[series.x > 0])))
-    place = np.floor((log_x - np.min(log_x)) / np.ptp(log_x) * MOST_POINTS_SEARCHED)
-    member = (place[:, None] == np.unique(place)).astype(float)
-
-    def sums(rows):
-        return (series.by_channel(rows) @ member).reshape(*rows.shape[:-1], -1)
-
-    sizes, weights = sums(np.ones_like(series.weights)), sums(series.weights)
-    return dataclasses.replace(
-        series,
-        x=np.exp(log_x @ member / np.sum(member, axis=0)),
-        log_values=sums(series.weights * series.log_values) / np.where(weights > 0, weights, 1),
-        weights=weights,
-        known=sums(series.known) / sizes,
-        static=sums(series.static) / sizes,
-    )
+    """Returns the problem of at most so many points, evenly chosen: a search costs no more."""
+    rank = np.argsort(np.argsort(series.x))
+    return series.part(rank % int(np.ceil(len(rank) / MOST_POINTS_SEARCHED)) == 0)
 
 
 def _spaced_start(series, terms):
     """Times evenly spaced in their logarithm over the data."""
     shortest, longest = series.time_limits()
-    places = (np.arange(terms) + 0.5) / max(terms, 1)
-    log_times = shortest + (longest - shortest) * places
+    log_times = shortest + (longest - shortest) * (np.arange(terms) + 0.5) / max(terms, 1)
     faint = np.exp(series.faintest()) * 1e3
     strengths = np.log(np.maximum(non_negative(series, log_times), faint))
     return np.concatenate([strengths[:terms], log_times, strengths[terms:]])
@@ -233,14 +187,8 @@ def non_negative(series: SeriesProblem, log_times: np.ndarray) -> np.ndarray:
     return strengths / norms
 
 
-def _without_faint(series, theta):
-    s, log_times, c = series.split(theta)
-    present = s > series.faintest() + np.log(1e3)
-    return np.concatenate([s[present], log_times[present], c])
-
-
 def _with_branch(series, theta):
-    """The most a new branch lowers the cost to second order, and the series with it."""
+    """The series with the new branch that lowers the cost most, to second order."""
     log_times, model = series.time_grid(TIMES_PER_DECADE), series.model(theta)
     residual = series.residual(model)
     effect, weights = series.branches(log_times) / model, series.pulling(residual)
@@ -250,8 +198,7 @@ def _with_branch(series, theta):
     best = np.argmax(gains)
     s, known_times, c = series.split(theta)
     strength = max(-0.3 * pull[best] / stiffness[best], 1e3 * np.exp(series.faintest()))
-    theta = np.concatenate([s, [np.log(strength)], known_times, [log_times[best]], c])
-    return gains[best], theta
+    return np.concatenate([s, [np.log(strength)], known_times, [log_times[best]], c])
 
 
 def _one_fewer(series, theta):
