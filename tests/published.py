@@ -26,7 +26,7 @@ def ball(points: int, size: float, curvature: float) -> gc.Surface:
     return gc.Surface(heights, gc.Grid((points, points), size), periodic=False)
 
 
-def press(stack, surface: gc.Surface, *, velocity=0.0, rtol=1e-6, **given) -> gc.Sliding:
+def press(stack, surface: gc.Surface, *, velocity=1.0, rtol=1e-6, **given) -> gc.Sliding:
     """The contact of a ball under a `load` [N], or at an approach [m]."""
     if "load" in given:
         given["pressure"] = given.pop("load") / float(jnp.prod(surface.grid.size))
@@ -171,7 +171,7 @@ JKR_RADIUS = 0.1  # of a sphere of radius 1 m and E* = 1 Pa without load [m]
 WORK = JKR_RADIUS**3 / (4.5 * np.pi)  # J/m²
 
 
-def adhesive_sphere(tabor: float, points: int = 256) -> tuple[float, float]:
+def adhesive_sphere(tabor: float, points: int = 256, steps: int = 13) -> tuple[float, float]:
     """Pull-off force over π w R, and radius at zero load over that of JKR, of a sphere.
 
     The Tabor parameter is R^(1/3) w^(2/3)/(E*^(2/3) ε) with the range ε of `AdhesiveLJ`. The law is
@@ -183,10 +183,12 @@ def adhesive_sphere(tabor: float, points: int = 256) -> tuple[float, float]:
     size = 2 * max(2 * JKR_RADIUS, np.sqrt(72 * unit / tabor))
     surface = ball(points, size, 1.0)
     stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1 - POISSON**2, POISSON)))
-    path = unit * (np.linspace(2.3, -1.4, 13) - 1 / tabor)
+    path = unit * (np.linspace(2.3, -1.4, steps) - 1 / tabor)
     kernel = gc.kernels.window_kernel(stack, surface.grid)
     law = gc.contacts.AdhesiveLJ(unit / tabor, WORK, contact_gap=1.2)
-    pressure, loads, areas = None, [], []
+    # All solves start from a pressure, the first from that of Hertz: they share a program.
+    pressure = 2 / np.pi * np.sqrt(np.maximum(path[0] + 2 * surface.heights, 0))
+    loads, areas = [], []
     for approach in path:
         how = dict(law=law, rtol=1e-4, start=pressure)
         found = gc.solve_contact(kernel, surface.heights, approach=approach, **how)
@@ -291,16 +293,16 @@ def wavy_load(width: float) -> float:
     return float(np.sin(half) ** 2 - WAVY * np.sqrt(np.tan(half)))
 
 
-def wavy_contact(load: float, points: int) -> tuple[float, gc.Sliding]:
+def wavy_contact(load: float, points: int, longer: float = 1.0) -> tuple[float, gc.Sliding]:
     """Range over the height h of the wave h cos(2πx), and its contact; p_w = π E* h = 1 Pa.
 
-    The range is the shortest that a grid of so many points resolves.
+    The range is the shortest that a grid of so many points resolves, times `longer`.
     """
     height, work = 1 / np.pi, WAVY**2 / 2
     surface = gc.Surface(
         height * np.cos(2 * np.pi * np.arange(points) / points), gc.Grid(points, 1.0)
     )
-    length = np.sqrt(work / (0.3 * np.pi * points / 2))
+    length = longer * np.sqrt(work / (0.3 * np.pi * points / 2))
     law = gc.contacts.ExponentialAdhesion(length, work)
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1 - POISSON**2, POISSON)))
     return length / height, gc.slide(block, surface, pressure=load, velocity=0.0, law=law)

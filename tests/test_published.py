@@ -93,7 +93,9 @@ def test_a_load_that_moves_deflects_a_viscoelastic_road_as_ellva_vd():
     """By E. Levenberg (2018), as ALVA tables it, with E(t) = 1/D(t) of its creep compliance."""
     read = np.array(list(published.MOVING.values()))
     places = [-place / 1e3 for place in published.MOVING]
-    found = 1e3 * published.pavement(published.asphalt("relaxation"), places, *published.DRIVEN)
+    found = 1e3 * published.pavement(
+        published.asphalt("relaxation"), places, *published.DRIVEN, nodes=12
+    )
     np.testing.assert_allclose(found, read, rtol=0.017)
     assert np.argmax(found) == np.argmax(read)  # 50 mm behind the load
     np.testing.assert_allclose(np.max(found), 0.791, rtol=0.009)
@@ -105,8 +107,8 @@ def test_an_adhesive_wave_tends_to_that_of_johnson_as_the_range_falls():
     loads = [published.wavy_load(width) for width in published.WIDTHS]
     np.testing.assert_allclose(loads, (0, 0.1, 0.3, 0.5), atol=2e-5)
     far, near = (
-        np.array([float(published.wavy_contact(p, n)[1].contact_area) for p in loads])
-        for n in (64, 128)
+        np.array([float(published.wavy_contact(p, 128, longer)[1].contact_area) for p in loads])
+        for longer in (1.4, 1.0)
     )
     np.testing.assert_allclose(near, exact, rtol=0.1)  # 0.06 with 256 points
     assert np.all(np.abs(near - exact) < np.abs(far - exact))
@@ -117,8 +119,8 @@ def test_a_bonded_layer_is_that_of_the_integral_and_of_a_series(poisson, series)
     """The series of arXiv:1807.01885, cut off, is 0.3 to 0.5 % below the integral."""
     layer = [(1e10, poisson, 2e-3)]
     exact = axisymmetric.paraboloid(layer, None, 1.0, approach=0.5e-6).load
-    found = published.bonded_layer(poisson, 60)
-    np.testing.assert_allclose(found, exact, rtol=1e-4)
+    found = published.bonded_layer(poisson, 24)
+    np.testing.assert_allclose(found, exact, rtol=2e-3)  # 1e-4 with 60 points a side
     np.testing.assert_allclose(found, series, rtol=6e-3)
 
 
@@ -140,7 +142,7 @@ def test_a_power_law_gradient_is_that_of_booker(k, poisson):
 
 
 def test_an_adhesive_sphere_is_that_of_rings_between_dmt_and_jkr():
-    pull_off = published.adhesive_sphere(0.5, 24)[0]
-    exact = axisymmetric.adhesive_pull_off(0.5, rings=200)
+    pull_off = published.adhesive_sphere(0.5, 24, 8)[0]
+    exact = axisymmetric.adhesive_pull_off(0.5, rings=120)
     np.testing.assert_allclose(pull_off, exact, rtol=2e-2)  # 5e-3 with 64 points a side
     assert 1.5 < pull_off < 2

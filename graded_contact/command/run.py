@@ -143,16 +143,12 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     """Yields each figure of results with the end of its name."""
     if not np.any(results["message"] == ""):
         return
-    if scene.motion is None:
-        yield "sweep", plot.plot_sweep(results)
-    elif scene.motion.repeats:
-        yield "cycle", plot.plot_cycle(results)
-    else:
-        yield "transient", plot.plot_transient(results)
+    draw = {"steady": plot.plot_sweep, "cycle": plot.plot_cycle, "transient": plot.plot_transient}
+    yield "sweep" if scene.kind == "steady" else scene.kind, draw[scene.kind](results)
     if "leakage_along_x" in results and "time" not in results.dims:
         names = ["leakage_along_x", "leakage_along_y"]
         yield "leakage", plot.plot_sweep(results, names, "pressure")
-    if "reduced_velocity" in results and scene.motion is None:
+    if "reduced_velocity" in results and scene.kind == "steady":
         yield "master", plot.plot_sweep(results, along="reduced_velocity")
     last = results.isel(dict.fromkeys(scene.axes, -1))
     if "contact_pressure" not in results or last["message"] != "":
@@ -160,7 +156,7 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     case = scene.case({name: values[-1] for name, values in scene.axes.items()})
     fields = last[["contact_pressure", "gap"]].drop_vars("pressure", errors="ignore")
     fields = fields.rename(contact_pressure="pressure")
-    if scene.motion is None:
+    if scene.kind == "steady":
         found: Any = SimpleNamespace(pressure=fields.pressure, gap=fields.gap, law=case.law)
         yield "contact", plot.plot_sliding(found, case.surface, case.velocity)
     else:

@@ -57,10 +57,9 @@ class Curves:
         self.scene, self.numbers = scene, varied_numbers(scene)
         first = scene.case(middle_point(scene))
         self.surface = first.surface
-        self.kind = "transient" if first.times is not None else "cycle"
-        self.kind = "steady" if scene.motion is None else self.kind
+        self.kind = scene.kind
         self.has_curve = self.kind == "steady" and _has_mean_field(first)
-        spectrum = isotropic_spectrum(self.surface) if self.has_curve else None
+        spectrum: Any = isotropic_spectrum(self.surface) if self.has_curve else None
         numerics = dataclasses.replace(scene.numerics, rtol=PAGE_RTOL)
 
         def contact(values):

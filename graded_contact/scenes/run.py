@@ -78,7 +78,7 @@ def frames_of(scene: Scene) -> tuple[int, ...]:
 def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     """Returns numbers and fields of the contact of a scene at a point, and how the solve ended."""
     case, motion = scene.case(point), scene.motion
-    transient = None if motion is None or motion.repeats else motion
+    transient = motion if scene.kind == "transient" else None
     frames = (-1,) if transient is None else frames_of(scene)
     contact: Any = slide_case(case, scene.numerics, fields_at=frames)
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
@@ -133,10 +133,10 @@ def with_places(scene: Scene, results: "Dataset") -> "Dataset":
         times = ("time",) if motion.repeats else ("field_time",)
         moved = "time", np.asarray(motion.displacement), attributes_of("surface_displacement")
         results = results.assign(surface_displacement=moved)
-    if motion is not None and motion.repeats:
+    if motion is not None and scene.kind == "cycle":
         part = np.arange(motion.num_times) / motion.num_times
         results = results.assign_coords(time=("time", part, attributes_of("time")))
-    if motion is not None and not motion.repeats:
+    if motion is not None and scene.kind == "transient":
         at, about = np.asarray(motion.times), {"units": "s", "long_name": "time"}
         framed = at[np.array(frames_of(scene))]
         results = results.assign_coords(

@@ -63,6 +63,7 @@ from .loads import (
     with_corners,
 )
 
+KINDS = {"steady": Sliding, "cycle": CyclicSliding, "transient": TransientSliding}
 NEEDED = ("surface", "materials", "base", "load")
 TABLES = (
     *NEEDED,
@@ -172,6 +173,13 @@ class Scene:
     observe: Observe
     output: Output
     numerics: Numerics
+
+    @property
+    def kind(self) -> Literal["steady", "cycle", "transient"]:
+        """The kind of its contacts."""
+        if self.motion is None:
+            return "steady"
+        return "cycle" if self.motion.repeats else "transient"
 
     @property
     def first(self) -> dict[str, Any]:
@@ -352,10 +360,8 @@ def surface_of(
 
 def check_outputs(scene: Scene) -> None:
     """Raises `ValueError` for an optional output that contacts of this kind do not have."""
-    motion, surface = scene.motion, scene.surface_at(scene.first)
-    kind = TransientSliding if motion is None or not motion.repeats else CyclicSliding
-    kind = Sliding if motion is None else kind
-    known = {need for number in observables_in(kind).values() for need in number.needs}
+    surface, numbers = scene.surface_at(scene.first), observables_in(KINDS[scene.kind])
+    known = {need for number in numbers.values() for need in number.needs}
     if surface.grid.ndim == 1 or not surface.periodic:
         known -= {"flow"}
     if scene.fluid is not None and "flow" not in known:

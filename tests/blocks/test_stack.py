@@ -1,6 +1,7 @@
 import dataclasses
 
 import jax.numpy as jnp
+import numpy as np
 
 import graded_contact as gc
 
@@ -22,7 +23,7 @@ class AtHeight(gc.materials.AbstractMaterial):
 
 
 def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapolated():
-    profile = gc.Blend(gc.tyre_tread(), gc.Elastic(5e7, 0.3))
+    profile = gc.Blend(gc.Prony(1e6, [9e6], [1e-2], 0.48), gc.Elastic(5e7, 0.3))
     stack = gc.Stack(
         layers=(gc.Layer(gc.Elastic(5e8, 0.3), 1e-5), gc.GradedLayer(profile, 1e-3)),
         base=gc.Rigid(),
@@ -32,12 +33,12 @@ def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapol
     expected = gc.surface_compliance(sharp, q, omega)
 
     def cut(n):
-        heights = 1 - (jnp.arange(n) + 0.5) / n
+        heights = 1 - (np.arange(n) + 0.5) / n
         slices = [gc.Layer(AtHeight(profile, s), 1e-3 / n) for s in heights]
         whole = gc.Stack(layers=(stack.layers[0], *slices), base=gc.Rigid())
-        return gc.surface_compliance_matrix(whole, q, 0.0, omega)[2, 2]
+        return gc.surface_compliance(whole, q, omega)
 
-    few, many = cut(8), cut(16)
+    few, many = cut(16), cut(32)
     assert 1e-3 < abs(few / expected - 1) < 1e-2
     assert abs(many - expected) < abs(few - expected) / 3.5
     assert abs((4 * many - few) / 3 - expected) < abs(many - expected) / 8

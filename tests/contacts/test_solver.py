@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from conftest import BODIES, rough
+from oracles import dense_contact
 
 import graded_contact as gc
 from graded_contact.contacts import SolverOutput
@@ -45,16 +46,16 @@ class ProjectedGradient(gc.contacts.AbstractContactSolver):
 
 
 def test_a_custom_solver_finds_contacts_and_their_derivatives():
-    """Pressure of the package's solver, derivative of its own differences; q = 0 is ignored."""
+    """Pressure of a dense solve, derivative of its own differences; q = 0 is ignored."""
     kernel = gc.stack_kernel(BODIES["elastic"], GRID).real.at[0, 0].set(jnp.inf)
 
     def by(load, solver):
         return gc.solve_contact(kernel, SURFACE.heights, load, solver=solver, rtol=1e-9)
 
     custom = by(jnp.asarray(LOAD), ProjectedGradient())
-    split = by(jnp.asarray(LOAD), gc.contacts.DouglasRachford())
-    np.testing.assert_allclose(custom.pressure, split.pressure, atol=1e-8 * custom.pressure.max())
-    np.testing.assert_allclose(custom.mean_gap, split.mean_gap, rtol=1e-8)
+    finite = np.where(np.isfinite(kernel), np.asarray(kernel), 0)
+    exact = dense_contact(finite, np.asarray(SURFACE.heights), LOAD)
+    np.testing.assert_allclose(custom.pressure, exact, atol=1e-8 * exact.max())
     step = 1e-4 * LOAD
     ends = [by(jnp.asarray(LOAD + d), ProjectedGradient()).mean_gap for d in (step, -step)]
     slope = jax.grad(lambda p: by(p, ProjectedGradient()).mean_gap)(jnp.asarray(LOAD))

@@ -17,7 +17,7 @@ from graded_contact.fields.grid import (
     wavevector,
 )
 
-SHAPES = [(8,), (9,), (8, 6), (7, 9), (9, 4)]
+SHAPES = [(9,), (8, 6), (7, 9)]
 
 
 def _size(shape):
@@ -72,7 +72,7 @@ def test_wavenumber_has_a_finite_derivative_with_respect_to_the_size():
     np.testing.assert_allclose(jax.grad(total)(size), expected, rtol=1e-8)
 
 
-@pytest.mark.parametrize("shape", [(16,), (15,), (12, 10), (11, 8)])
+@pytest.mark.parametrize("shape", [(15,), (12, 10)])
 @pytest.mark.parametrize("axis", [0, -1])
 def test_the_derivative_of_a_cosine_is_exact(shape, axis):
     grid = Grid(shape, _size(shape))
@@ -95,8 +95,7 @@ def test_nyquist_lines_are_those_of_even_axes(shape):
 
 
 REFINEMENTS = [
-    ((8,), (13,)), ((9,), (16,)), ((8, 8), (16, 16)), ((8, 9), (12, 11)), ((9, 8), (10, 16)),
-    ((7, 9), (8, 10)), ((10, 8), (10, 15)),
+    ((9,), (16,)), ((8, 9), (12, 11)), ((7, 9), (8, 10)), ((10, 8), (10, 15)),
 ]  # fmt: skip
 
 
@@ -123,7 +122,7 @@ def test_coarsening_drops_the_waves_above_the_new_nyquist_number(coarse, fine):
         np.testing.assert_array_equal(np.imag(line), 0)
 
 
-@pytest.mark.parametrize("shape", [(8, 10), (6, 7), (5, 8)])
+@pytest.mark.parametrize("shape", [(8, 10), (5, 8)])
 def test_a_coarsened_kernel_is_that_of_a_real_operator_alike_along_both_axes(shape):
     """Of a kernel that depends on the direction: both signs of a Nyquist number weigh alike."""
     fine = (16, 18)

@@ -9,7 +9,7 @@ from oracles import gauss_over_angles, maxwell, persson
 from scipy.interpolate import PchipInterpolator
 
 import graded_contact as gc
-from graded_contact.materials import AbstractMaterial, StrainSoftening, at_strain
+from graded_contact.materials import StrainSoftening, at_strain
 
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
@@ -23,23 +23,6 @@ PROFILE = gc.random_surface(
     GRID,
     jax.random.key(3),
 )
-
-
-class Scaled(AbstractMaterial):
-    """E' times one number and E'' times another, written apart from the package."""
-
-    first: jax.Array
-    second: jax.Array
-
-    def complex_modulus(self, omega):
-        modulus = RUBBER.complex_modulus(omega)
-        return self.first * modulus.real + 1j * self.second * modulus.imag
-
-    def poisson_ratio(self, omega):
-        return jnp.asarray(0.49)
-
-    def at(self, temperature):
-        raise NotImplementedError
 
 
 def on(material):
@@ -76,19 +59,6 @@ def test_factors_follow_the_sweep_and_end_with_it():
     assert at_strain(on(SOFT), 0.1).base.material.amplitude == 0.1
     elastic = StrainSoftening(gc.Elastic(1e6), STRAIN, STORAGE, LOSS, 0.1)
     np.testing.assert_allclose(elastic.complex_modulus(omega), 4.5e5)
-
-
-def test_constant_factors_are_scaled_moduli():
-    """In the mean field and in contact, whatever the strain."""
-    factors = 0.5, 1.3
-    soft = on(StrainSoftening(RUBBER, [1e-3, 1.0], *([f, f] for f in factors)))
-    scaled = on(Scaled(*map(jnp.asarray, factors)))
-    one = mean_field(soft, SPECTRUM, velocity=0.05, strain_per_slope=0.7)
-    two = mean_field(scaled, SPECTRUM, velocity=0.05)
-    np.testing.assert_allclose(one.friction, two.friction, rtol=1e-12)
-    np.testing.assert_allclose(one.contact_area, two.contact_area, rtol=1e-12)
-    touching, alone = slide(soft, PROFILE, strain_per_slope=0.7), slide(scaled, PROFILE)
-    np.testing.assert_allclose(touching.kernel, alone.kernel, rtol=1e-14)
 
 
 def test_mean_field_matches_the_differential_equations():

@@ -39,7 +39,7 @@ def test_slow_sliding_and_good_conductors_stay_cold():
 @pytest.mark.parametrize("shear", [None, SHEAR])
 def test_heat_lowers_the_friction_of_the_tread_at_high_speed(shear):
     """Hysteresis at 20 °C grows with speed; heat stops that, and with shear friction falls."""
-    speeds = (0.1, 1.0, 10.0)
+    speeds = (0.1, 1.0, 10.0) if shear is None else (0.1, 10.0)
     warm = np.array([friction(v, shear=shear).friction for v in speeds])
     same = np.array([cold(v, shear=shear).friction for v in speeds])
     if shear is None:

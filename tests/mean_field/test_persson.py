@@ -111,16 +111,13 @@ def integrated(compliance, pressure, velocity, correction):
 rubber_modulus = partial(maxwell, equilibrium=1e6, strengths=[4e6, 2e7], times=[1e-2, 1e-4])
 
 
-@pytest.mark.parametrize(("stack", "correction"), [(BARE, "yang_persson"), (COATED, "none")])
-def test_friction_matches_integration_of_the_differential_equations(stack, correction):
+def test_friction_matches_integration_of_the_differential_equations():
     def compliance(q, omega):
         below = (rubber_modulus(omega), 0.49)
-        if stack is BARE:
-            return closed_forms.half_space_compliance(q, *below)
         return closed_forms.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
 
-    area, friction = integrated(compliance, 3e5, 0.05, correction)
-    solution = mean_field(stack, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
+    area, friction = integrated(compliance, 3e5, 0.05, "yang_persson")
+    solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
     np.testing.assert_allclose(solution.contact_area, area, rtol=1e-7)
     np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
 
@@ -131,7 +128,8 @@ def test_complete_contact_has_the_friction_of_the_contact_solver():
     spectrum = gc.surfaces.SpectrumTable(q, 1e-16 * np.exp(-((np.log(q / 10 / Q0) / 0.2) ** 2) / 2))
     surface = gc.random_surface(spectrum, gc.Grid((64, 64), CELL), jax.random.key(0))
     at = {"pressure": 1e8, "velocity": [-0.02, 0.01]}
-    solved = gc.slide(COATED, surface, **at, rtol=1e-10)
+    plain = gc.contacts.DouglasRachford(coarsest=64, newton=False)
+    solved = gc.slide(COATED, surface, **at, rtol=1e-10, solver=plain)
     assert solved.contact_area == 1
     solution = gc.mean_field_friction(COATED, spectrum, **at, num_wavenumbers=160)
     np.testing.assert_allclose(solution.friction, solved.friction, rtol=1e-5)
@@ -140,17 +138,6 @@ def test_complete_contact_has_the_friction_of_the_contact_solver():
 
 
 # Limits and invariances
-
-
-def test_rest_and_high_speed_have_the_relaxed_and_the_glassy_area_and_no_friction():
-    slow, fast = (mean_field(BARE, SPECTRUM, pressure=3e5, velocity=v) for v in (1e-12, 1e12))
-    for solution, modulus in ((slow, 1e6), (fast, 2.5e7)):
-        limit = mean_field(elastic(modulus, 0.49), SPECTRUM, pressure=3e5, velocity=1.0)
-        np.testing.assert_allclose(solution.contact_area, limit.contact_area, rtol=2e-6)
-        assert 0 < solution.friction < 1e-6
-    rest = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.0)
-    assert rest.friction == 0
-    np.testing.assert_allclose(rest.contact_area, slow.contact_area, rtol=1e-9)
 
 
 @settings(max_examples=20)
@@ -193,28 +180,7 @@ def test_pressure_distribution_integrates_to_area_load_and_spread():
     assert np.all(pressure_distribution(solution, jnp.zeros(1)) == 0)
 
 
-def test_pressure_distribution_has_the_mean_square_that_dissipates():
-    solution = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.05, correction="none")
-    stress = np.linspace(0, 1e8, 20001)
-    density = np.asarray(pressure_distribution(solution, jnp.asarray(stress)))
-    square = np.trapezoid(stress**2 * density[-1], stress)
-    v = float(solution.stress_variance[-1]) / 9e10
-    growth = quad(lambda x: erf(1 / np.sqrt(2 * x)), 0, v, epsrel=1e-12, limit=500)[0]
-    np.testing.assert_allclose(square / 9e10 - 1, growth, rtol=1e-5)
-
-
 # Spectra
-
-
-def test_table_of_a_power_law_is_the_self_affine_spectrum():
-    q = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
-    one = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
-    table = gc.surfaces.SpectrumTable(q, SPECTRUM.density(q))
-    two = mean_field(COATED, table, pressure=3e5, velocity=0.05)
-    np.testing.assert_allclose(two.against_cutoff.friction, one.against_cutoff.friction, rtol=1e-12)
-    np.testing.assert_allclose(
-        two.against_cutoff.contact_area, one.against_cutoff.contact_area, rtol=1e-12
-    )
 
 
 # The quadrature

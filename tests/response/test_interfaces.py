@@ -89,21 +89,15 @@ def test_springs_that_no_solid_has_are_refused():
 # doi:10.11583/DTU.12387305) lists them: below the centre of the load and below its edge the
 # horizontal strain at the bottom of layer 1 and the vertical strains at the top of layers 2 and 3
 # [1e-6], positive in compression. GAMES does not have a frictionless first interface.
-BONDED = [(-100.5, 251.7, 185.0, -61.9, 192.2, 177.5), (-100.5, 251.6, 185.3, -62, 192.2, 177.0),
-          (-100.5, 251.6, 185.1, -61.9, 192.2, 177.5)]  # fmt: skip
 SLIPPING = [(-120, 1, 217, -78, -10, 205), (-120, 1, 216, -78, -10, 205)]
 
 
-@pytest.mark.parametrize(
-    ("between", "published", "digit"),
-    [((), BONDED, 0.1), ((smooth_layer(),), SLIPPING, 1)],
-)
-def test_a_pavement_has_the_strains_of_three_programs(between, published, digit):
+def test_a_pavement_that_slips_has_the_strains_of_two_programs():
     """0.7 MPa on a circle of 150.8 mm, by Hankel integrals over `interior_fields`."""
     radius, pressure = 0.1508, 0.7e6
     solids = [(5e9, 0.35), (2e8, 0.40), (5e7, 0.45)]
     top, middle, soil = (gc.Elastic(*solid) for solid in solids)
-    layers = (gc.Layer(top, 0.26), *between, gc.Layer(middle, 0.5))
+    layers = (gc.Layer(top, 0.26), smooth_layer(), gc.Layer(middle, 0.5))
     stack = gc.Stack(layers=layers, base=gc.HalfSpace(soil))
     nodes, weights = np.polynomial.legendre.leggauss(8)
     edges = np.linspace(0, 40 / radius, 61)
@@ -128,5 +122,5 @@ def test_a_pavement_has_the_strains_of_three_programs(between, published, digit)
     integral = lambda f: -1e6 * pressure * radius * np.sum(weights * j1(x) * f)  # noqa: E731
     centre = [integral(along / 2), *map(integral, verticals)]
     edge = [integral(along * (j0(x) - j1(x) / x)), *(integral(v * j0(x)) for v in verticals)]
-    low, high, found = np.min(published, axis=0), np.max(published, axis=0), [*centre, *edge]
-    assert np.all(low - digit / 2 < found) and np.all(found < high + digit / 2)
+    low, high, found = np.min(SLIPPING, axis=0), np.max(SLIPPING, axis=0), [*centre, *edge]
+    assert np.all(low - 0.5 < found) and np.all(found < high + 0.5)

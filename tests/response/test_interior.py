@@ -129,7 +129,7 @@ def test_half_space_under_a_wave_of_pressure(poisson):
 def test_sliding_surface_moves_as_the_kernel_says():
     base, shape, velocity = "halfspace", (8, 6), np.array([0.4, -0.2])
     grid = gc.Grid(shape, 1.0)
-    stack = stack_on(base)
+    stack = gc.Stack(layers=(gc.Layer(MATERIALS[0], 0.1),), base=BASES[base])
     pressure = np.random.default_rng(0).normal(size=shape) + 3
     given = jnp.asarray(pressure), jnp.zeros(()), jnp.asarray(velocity)
     displacement, stress = stress_field(stack, grid, *given)
@@ -145,7 +145,7 @@ def test_sliding_surface_moves_as_the_kernel_says():
 
 
 def test_gradient_matches_central_differences():
-    """Of elastic layers, to compile fast; lossy moduli have theirs in the test of the matrix."""
+    """Of elastic layers, to compile fast; lossy moduli have theirs in `test_derivatives.py`."""
     layer = gc.Layer(gc.Elastic(3.0, 0.5), 0.1)
     stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(gc.Elastic(2.0, 0.45)))
     real, imag = np.random.default_rng(2).normal(size=(2, 3, 3))

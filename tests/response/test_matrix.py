@@ -1,10 +1,8 @@
 import jax
-import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
 from mpmath import mpc, mpf
-from oracles import differences
 from stored import MIRROR, Given, cases_of, complex_of
 
 import graded_contact as gc
@@ -164,35 +162,3 @@ def test_shapes_broadcast_and_elastic_stacks_give_a_complex_matrix_too():
     assert value.shape == (4, 3, 3, 3)
     assert value.dtype == complex
     assert surface_compliance_matrix(stack, 1.0, 0.0, 0.0).shape == (3, 3)
-
-
-def test_gradients_match_central_differences():
-    """Of float32: in pascals and metres a careless backward pass overflows it, silently.
-
-    In float64 the interior's gradient passes through the same recursion.
-    """
-    qx, qy, omega = (w[:4] for w in waves())
-    real, imag = np.random.default_rng(1).normal(size=(2, 4, 3, 3))
-    exact = surface_compliance_matrix(stack_on("free"), qx, qy, omega)
-    size = np.max(np.abs(exact), axis=(1, 2), keepdims=True)
-
-    def value(stack, qx, qy, omega):
-        matrix = surface_compliance_matrix(stack, qx, qy, omega)
-        scaled = matrix / size.astype(qx.dtype)
-        return jnp.sum(real * scaled.real + imag * scaled.imag).astype(qx.dtype), matrix
-
-    arguments = jax.tree.map(jnp.asarray, (stack_on("free"), qx, qy, omega))
-    single = jax.tree.map(lambda x: x.astype(jnp.float32), arguments)
-    gradient, matrix = jax.jit(jax.grad(value, (0, 1, 2, 3), has_aux=True))(*single)
-    assert matrix.dtype == jnp.complex64
-    eps = jnp.finfo(jnp.float32).eps
-    np.testing.assert_allclose(matrix / size, exact / size, atol=50 * eps)
-    slopes = [
-        slope[index] * leaf[index]
-        for leaf, slope in zip(*map(jax.tree.leaves, (arguments, gradient)), strict=True)
-        for index in np.ndindex(leaf.shape)
-    ]
-    assert all(slope.dtype == jnp.float32 for slope in jax.tree.leaves(gradient))
-    # A Poisson's ratio of 1/2 may be exceeded, for the formulas are analytic there.
-    expected = differences(jax.jit(lambda *a: value(*a)[0]), arguments, fixed=())
-    np.testing.assert_allclose(slopes, expected, rtol=1e-2, atol=1e-4)

@@ -13,7 +13,7 @@ from graded_contact.response.stress import stress_field
 from graded_contact.sliding import Coulomb, contact_stress
 from graded_contact.sliding.case import WINDOW
 
-GRID = gc.Grid((16, 12), (4e-3, 3e-3))
+GRID = gc.Grid((16, 16), (4e-3, 3e-3))
 SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1600, q_roll=3200, q_high=5000)
 ROAD = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
 COAT = gc.Layer(gc.Elastic(3e7, 0.35), 2e-4)

@@ -90,15 +90,21 @@ def test_steady_sliding_is_that_of_slide():
 
 
 def test_steady_sliding_in_two_dimensions_is_that_of_slide():
+    """And along a circle mean friction is the work over load and path."""
     grid = gc.Grid((8, 8), 1.0)
     surface = rough(grid, cut=3)
-    moved = np.repeat(np.arange(16.0)[:, None] / 16, 2, axis=1)
+    moved = np.repeat(np.arange(24.0)[:, None] / 24, 2, axis=1)
     stack = gc.Stack(layers=(gc.Layer(gc.Elastic(2.0, 0.4), 0.05),), base=rubber().base)
     found, expected = cycle(stack, surface, moved, 0.5), slide(stack, surface, (2.0, 2.0))
     np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-8)
     along = found.friction @ np.full(2, 0.5**0.5)
     np.testing.assert_allclose(along, expected.friction, rtol=1e-7)
-    assert found.friction.shape == (16, 2) and found.energy_imbalance < 1e-10
+    assert found.friction.shape == (24, 2) and found.energy_imbalance < 1e-10
+    turn = 2 * np.pi * np.arange(24) / 24
+    circle = 0.1 * np.stack([np.sin(turn), np.cos(turn)], axis=1)
+    round_trip = cycle(stack, surface, circle, 0.5)
+    mean = round_trip.work / (LOAD * 0.2 * np.pi)
+    np.testing.assert_allclose(round_trip.mean_friction, mean, rtol=2e-6)
 
 
 def test_steady_sliding_with_shear_is_that_of_slide():
@@ -114,6 +120,7 @@ def test_steady_sliding_with_shear_is_that_of_slide():
 
 def test_shear_follows_from_pressure_and_speed_of_each_time():
     alone = cycle()
+    np.testing.assert_allclose(alone.mean_friction, alone.work / (LOAD * 0.8), rtol=2e-6)
     coulomb = cycle(shear=law(0.3, 1.0, 0.0))
     np.testing.assert_array_equal(alone.pressure, coulomb.pressure)
     np.testing.assert_allclose(coulomb.mean_friction - alone.mean_friction, 0.3, rtol=1e-12)

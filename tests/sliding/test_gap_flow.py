@@ -150,15 +150,15 @@ def test_claimed_errors_of_the_conductance_contain_those_of_a_grid():
     held = []
     q = 2 * np.pi / 1e-3
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.49)))
-    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q, q_roll=2 * q, q_high=8 * q)
+    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
     names = [f"flow_along_{axis}{end}" for end in ("", "_error") for axis in ("x", "y")]
     for seed in range(20, 22):
-        road = gc.random_surface(spectrum, gc.Grid((32, 32), 1e-3), jax.random.key(seed))
-        finer = gc.Surface(resampled(road.heights, (128, 128)), gc.Grid((128, 128), 1e-3))
+        road = gc.random_surface(spectrum, gc.Grid((16, 16), 1e-3), jax.random.key(seed))
+        finer = gc.Surface(resampled(road.heights, (64, 64)), gc.Grid((64, 64), 1e-3))
         for pressure in (4e4, 2e5):
-            on_grid = gc.slide(block, road, pressure=pressure, velocity=0.0)
+            on_grid = gc.slide(block, road, pressure=pressure, velocity=1.0)
             found = np.reshape(on_grid.compute(*names), (2, 2))
-            exact = gc.slide(block, finer, pressure=pressure, velocity=0.0).compute(*names[:2])
+            exact = gc.slide(block, finer, pressure=pressure, velocity=1.0).compute(*names[:2])
             held += [*(np.abs(found[0] - exact) <= found[1])]
             assert np.all(found[1] < 0.8 * found[0]) or pressure > 4e4
     assert len(held) == 8 and np.sum(held) >= 7

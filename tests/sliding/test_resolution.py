@@ -12,9 +12,12 @@ N = 16  # points of the coarse planes, with waves down to half of the cell
 RUBBER = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.49)))
 
 
-def rough(n, cut, seed=0, ndim=2):
+def rough(n, cut, seed=0):
+    """With a small wave that half the grid lacks: so the errors of all are one program."""
     spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=Q0, q_high=cut * Q0)
-    return gc.random_surface(spectrum, gc.Grid((n,) * ndim, CELL), jax.random.key(seed))
+    surface = gc.random_surface(spectrum, gc.Grid((n, n), CELL), jax.random.key(seed))
+    small = 8e-7 * np.cos(10 * np.pi * np.arange(n) / n)[:, None]
+    return gc.Surface(surface.heights + small, surface.grid)
 
 
 def finer(surface, factor):
@@ -68,10 +71,10 @@ def test_friction_of_the_last_octave_is_that_of_its_waves(coarse):
     q[0, 0] = np.inf
     kernel = 2 * (1 - 0.49**2) / q / (1e6 + 9e6 * rate * 1e-3 / (1 + rate * 1e-3))
     lost = np.abs(rate * kernel.imag * np.abs(np.fft.fft2(coarse.pressure)) ** 2)
-    share = np.sum(lost[(q > 1.001 * Q0) & np.isfinite(q)]) / np.sum(lost)
+    share = np.sum(lost[(q > 2.501 * Q0) & np.isfinite(q)]) / np.sum(lost)
     np.testing.assert_allclose(coarse.last_octave_friction, share, rtol=1e-9)
-    np.testing.assert_allclose(coarse.shortest_wave, CELL / 2, rtol=1e-9)
-    assert share > 0.1
+    np.testing.assert_allclose(coarse.shortest_wave, CELL / 5, rtol=1e-9)
+    assert share > 0.05
 
 
 def test_near_full_contact_errors_contain_what_the_points_do_not_see():
@@ -122,14 +125,11 @@ def at_gap(block, surface, gap):
     return found
 
 
-def test_an_elastic_block_has_no_friction_on_any_grid_and_a_load_at_its_mean_gap():
+def test_an_elastic_block_has_no_friction_on_any_grid():
     # Of a branch without strength, whose kernel is complex: it shares a program.
-    block, surface = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [1e-9], [1e-3], 0.49))), rough(N, 2)
-    found = at_gap(block, surface, 1.5e-4)
-    fine = gc.slide(block, finer(surface, 4), mean_gap=1.5e-4, velocity=0.5)
+    block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [1e-9], [1e-3], 0.49)))
+    found = known(gc.slide(block, rough(N, 2), pressure=2e5, velocity=0.5))
     assert abs(found.friction) <= found.friction_error < 1e-12
-    off = abs(found.mean_pressure - fine.mean_pressure)
-    assert off <= found.mean_pressure_error <= 0.2 * found.mean_pressure
 
 
 def test_a_wave_of_two_points_has_an_error_of_friction():
@@ -157,14 +157,20 @@ def test_a_body_that_flows_touches_at_least_as_much_as_its_load_needs():
     assert np.min(found.gap) < -1e-6
 
 
+PLACE = 2 * np.pi * np.arange(32) / 32
+WAVES = gc.Surface(
+    sum(2e-4 / k * np.cos(k * PLACE + k * k) for k in (1, 2, 3, 4)), gc.Grid(32, CELL)
+)
+
+
 def cycle(num_times, **how):
     motion = gc.sliding.sinusoidal(2e-3, 100.0, num_times)
     given = dict(displacement=motion.displacement, period=motion.period)
-    return gc.slide_cycle(RUBBER, rough(32, 4, ndim=1), **given, pressure=2e5, **how)
+    return gc.slide_cycle(RUBBER, WAVES, **given, pressure=2e5, **how)
 
 
 def test_errors_of_a_cycle_contain_those_of_the_times_and_of_the_solver():
-    found, fine, loose, close = cycle(24), cycle(48), cycle(24, rtol=2e-3), cycle(24, rtol=1e-9)
+    found, fine, loose, close = cycle(16), cycle(32), cycle(16, rtol=2e-3), cycle(16, rtol=1e-9)
     names = "mean_friction", "contact_area"
     for one in (found, loose):
         one.compute(*names, *(f"{name}_error" for name in names))

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.integrate import quad
 
 import graded_contact as gc
 from graded_contact.sliding import ConstantShear, PeakedShear
@@ -11,7 +10,7 @@ from graded_contact.sliding import ConstantShear, PeakedShear
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
 SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=2.3 * Q0, q_high=5.3 * Q0)
-SURFACE = gc.random_surface(SPECTRUM, gc.Grid((32, 32), CELL), jax.random.key(0))
+SURFACE = gc.random_surface(SPECTRUM, gc.Grid((16, 16), CELL), jax.random.key(0))
 BLOCK = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.5)))
 PEAK = PeakedShear(5e6, 6e-3, 0.1, gc.Arrhenius(9e4, 293.0))
 
@@ -76,14 +75,9 @@ def test_mean_field_has_the_shear_of_its_area_and_of_its_pressures():
     np.testing.assert_allclose(constant.shear_friction, expected, rtol=1e-13)
     np.testing.assert_allclose(constant.against_cutoff.friction[-1], constant.friction, rtol=1e-13)
     assert alone.shear_friction == 0
-    coulomb = field(lambda p, v, t: 0.3 * p)
-    np.testing.assert_allclose(coulomb.shear_friction, 0.3, rtol=1e-9)
     # A law of the pressure against the density of the pressure by another quadrature.
     root = field(lambda p, v, t: 1e3 * jnp.sqrt(p))
-
-    def integrand(sigma):
-        density = gc.mean_field.pressure_distribution(root, jnp.array([sigma]))[-1, 0]
-        return float(density) * 1e3 * np.sqrt(sigma)
-
-    integral = quad(integrand, 0, 4e7, limit=200, points=[1e5, 1e6, 5e6])[0]
+    sigma = np.geomspace(1e-1, 1e8, 4001)
+    density = gc.mean_field.pressure_distribution(root, sigma)[-1]
+    integral = np.trapezoid(density * 1e3 * sigma**1.5, np.log(sigma))
     np.testing.assert_allclose(root.shear_friction, integral / 4e5, rtol=1e-4)

@@ -8,10 +8,10 @@ import graded_contact as gc
 from graded_contact.contacts.solve import RTOL
 
 CELL = 0.01  # m
-GRID = gc.Grid((32, 32), CELL)
+GRID = gc.Grid((16, 16), CELL)
 Q0 = 2 * np.pi / CELL
 # Its edges lie between the modes of the cell, where the surface depends on them smoothly.
-SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=3.3 * Q0, q_high=8.3 * Q0)
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=3.3 * Q0, q_high=5.3 * Q0)
 SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
 TREAD = gc.tyre_tread()
 
@@ -32,7 +32,7 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
     np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
     np.testing.assert_allclose(s.contact_area_pixels, np.mean(s.pressure > 0))
     # Points count at the rim as a whole: 0.02 with 64² points.
-    assert s.contact_area < s.contact_area_pixels < s.contact_area + 0.05
+    assert s.contact_area < s.contact_area_pixels < s.contact_area + 0.1
     assert s.energy_imbalance <= 1e-13
     assert s.error <= RTOL and s.num_fft_pairs > 0
 
@@ -88,7 +88,7 @@ def test_units_scale_out(length, stress, time):
             layers=(gc.Layer(gc.Elastic(1e6 * stress, 0.4), 1e-4 * length),),
             base=gc.HalfSpace(rubber),
         )
-        surface = gc.Surface(SURFACE.heights * length, gc.Grid((32, 32), CELL * length))
+        surface = gc.Surface(SURFACE.heights * length, gc.Grid((16, 16), CELL * length))
         return gc.slide(stack, surface, pressure=1e5 * stress, velocity=0.05 * length / time)
 
     one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
@@ -98,8 +98,8 @@ def test_units_scale_out(length, stress, time):
 
 
 def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
-    line = jnp.broadcast_to(SURFACE.heights[:, :1], (32, 32))
-    profile, ridges = gc.Surface(line[:, 0], gc.Grid((32,), CELL)), gc.Surface(line, GRID)
+    line = jnp.broadcast_to(SURFACE.heights[:, :1], (16, 16))
+    profile, ridges = gc.Surface(line[:, 0], gc.Grid((16,), CELL)), gc.Surface(line, GRID)
     one, two = (
         gc.slide(coated(), s, pressure=4e5, velocity=0.1, rtol=1e-8) for s in (profile, ridges)
     )

@@ -9,11 +9,7 @@ import graded_contact as gc
 from graded_contact.fields.frequency import direction_and_speed
 from graded_contact.fields.grid import multiplicity, nyquist_lines, wavevector, zero_mode
 from graded_contact.kernels.tangential import tangential_kernels
-from graded_contact.sliding import (
-    AbstractShear,
-    ConstantShear,
-    Coulomb,
-)
+from graded_contact.sliding import AbstractShear, Coulomb
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -51,31 +47,33 @@ def compliances(grid, velocity):
     return np.asarray(matrix), kept, omega
 
 
-@pytest.mark.parametrize(("poisson", "friction"), [(0.0, 1.0), (0.3, 0.7)])
-def test_sliding_parabola_has_its_closed_form(poisson, friction):
+def test_sliding_parabola_has_its_closed_form():
     """p ∝ (a - x)^(1/2+γ) (a + x)^(1/2-γ) about -2γa, tan πγ = f (1-2ν)/(2-2ν), R = 1."""
     num, size, load = 128, 0.08, 2e-4
     x = (np.arange(num) + 0.5) * size / num - size / 2
     surface = gc.Surface(-(x**2) / 2, gc.Grid((num,), size), periodic=False)
-    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, poisson)))
-    solver = gc.contacts.DouglasRachford(coarsest=4096)  # without coarser grids
-    s = rub(Coulomb(friction), 1.0, stack, surface, pressure=load / size, solver=solver)
-    s.compute("contact_area", "friction", "block_friction")
-    gamma = np.arctan(friction * (1 - 2 * poisson) / (2 - 2 * poisson)) / np.pi
-    half_width = np.sqrt(4 * load * (1 - poisson**2) / np.pi / (1 - 4 * gamma**2))
-    np.testing.assert_allclose(s.contact_area * size / 2, half_width, rtol=6e-3)
-    centroid = np.sum(x * s.pressure) / np.sum(s.pressure)
-    np.testing.assert_allclose(centroid, -8 / 3 * gamma * half_width, rtol=6e-3)
-    # The moment of the pressure is that of the slopes, and an elastic block loses nothing.
-    np.testing.assert_allclose(s.friction, friction - 8 / 3 * gamma * half_width, atol=1e-4)
-    np.testing.assert_allclose(s.block_friction, 0, atol=1e-12)
+    # Without coarser grids and Newton steps.
+    solver = gc.contacts.DouglasRachford(coarsest=4096, newton=False)
+    for poisson, friction in ((0.0, 1.0), (0.3, 0.7)):
+        stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, poisson)))
+        s = rub(Coulomb(friction), 1.0, stack, surface, pressure=load / size, solver=solver)
+        s.compute("contact_area", "friction", "block_friction")
+        gamma = np.arctan(friction * (1 - 2 * poisson) / (2 - 2 * poisson)) / np.pi
+        half_width = np.sqrt(4 * load * (1 - poisson**2) / np.pi / (1 - 4 * gamma**2))
+        np.testing.assert_allclose(s.contact_area * size / 2, half_width, rtol=6e-3)
+        centroid = np.sum(x * s.pressure) / np.sum(s.pressure)
+        np.testing.assert_allclose(centroid, -8 / 3 * gamma * half_width, rtol=6e-3)
+        # The moment of the pressure is that of the slopes, and an elastic block loses nothing.
+        np.testing.assert_allclose(s.friction, friction - 8 / 3 * gamma * half_width, atol=1e-4)
+        np.testing.assert_allclose(s.block_friction, 0, atol=1e-12)
 
 
 def test_kernels_are_entries_of_the_matrix():
     velocity = [0.3, -0.2]
     grid, v = gc.Grid((8, 7), CELL), jnp.asarray(velocity)
     direction = direction_and_speed(v)[0]
-    (lift,), ((along,),), good = tangential_kernels(BLOCK, grid, v, direction)
+    kernels = jax.jit(lambda v: tangential_kernels(BLOCK, grid, v, direction))
+    (lift,), ((along,),), good = kernels(v)
     matrix, kept, _ = compliances(grid, velocity)
     e = np.zeros(3)
     e[: len(direction)] = direction
@@ -131,14 +129,6 @@ def test_lagged_traction_of_a_proportional_law_is_that_of_the_kernel():
     np.testing.assert_allclose(s.displacement, expected.displacement, atol=1e-6 * np.ptp(s.gap))
     assert s.energy_imbalance < 1e-12
     assert s.num_fft_pairs > expected.num_fft_pairs  # of all contacts
-    # A stress that does not vanish at the edge of contact acts on the area.
-    constant = rub(ConstantShear(2e5, coupled=True), surface=LINE)
-    np.testing.assert_allclose(
-        constant.shear_friction, 2e5 * constant.contact_area / LOAD, rtol=1e-9
-    )
-    np.testing.assert_allclose(
-        constant.block_friction + constant.interface_friction, constant.friction, rtol=1e-9
-    )
 
 
 def active_set(kernel, heights, load):

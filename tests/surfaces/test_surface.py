@@ -83,8 +83,7 @@ def test_the_density_has_the_plateau_the_power_law_and_the_edges():
 LEAVES = ("amplitude", "hurst", "q_low", "q_roll", "q_high")
 
 
-@pytest.mark.parametrize("order", [1, 4])
-@pytest.mark.parametrize("prescribed", ["rms_height", "rms_slope"])
+@pytest.mark.parametrize("prescribed, order", [("rms_height", 1), ("rms_slope", 4)])
 def test_derivatives_of_moments_match_differences(prescribed, order):
     """At H = 1/2, order 1 the power of the integral vanishes and its derivative does not."""
     names = (prescribed, *LEAVES[1:])
@@ -110,7 +109,7 @@ def _plane_spectrum(surface):
 
 @pytest.mark.parametrize(
     ("shape", "size"),
-    [((24, 24), [LENGTH, LENGTH]), ((24, 45), [LENGTH, 1.7 * LENGTH]), ((32,), [LENGTH])],
+    [((24, 45), [LENGTH, 1.7 * LENGTH]), ((32,), [LENGTH])],
 )
 def test_every_mode_of_an_exact_surface_has_the_target_amplitude(shape, size):
     spectrum = _spectrum(q_high=9.9 * Q0)
@@ -153,7 +152,7 @@ def test_gaussian_amplitudes_are_complex_normal():
 
 @pytest.mark.parametrize(
     ("coarse", "factors", "amplitudes"),
-    [((24, 24), (2, 1), "exact"), ((22, 27), (2, 3), "gaussian"), ((26,), (4,), "exact")],
+    [((22, 27), (2, 3), "gaussian"), ((26,), (4,), "exact")],
 )
 def test_refining_the_grid_gives_the_same_surface(coarse, factors, amplitudes):
     spectrum, size = _spectrum(), jnp.full(len(coarse), LENGTH)
@@ -267,8 +266,9 @@ def roughness(name, value, roll_off="sharp", phases=0):
 
 
 def test_a_smooth_roll_off_has_its_derivative_moments_and_slope():
-    found = jax.grad(lambda value: roughness("q_roll", value, "smooth"))(4.0)
-    ends = [roughness("q_roll", 4 + step, "smooth") for step in (1e-5, -1e-5)]
+    both = jax.jit(jax.value_and_grad(lambda value: roughness("q_roll", value, "smooth")))
+    (_, found), *ends = (both(4 + step) for step in (0.0, 1e-5, -1e-5))
+    ends = [value for value, _ in ends]
     np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-5, rtol=1e-7)
     wide = dict(hurst=0.7, q_low=1e2, q_roll=3e3, q_high=1e8)
     for ndim in (1, 2):
