@@ -21,7 +21,7 @@ N = 256, to 1e-6). If few points are in contact a dense system is solved instead
 because the iteration takes thousands of steps if moduli are far apart.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -61,9 +61,9 @@ def solve_linear(
     solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
     proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
     splitting = Splitting(solid, jnp.zeros_like(share), proximal, rtol, share)
-    max_steps = jnp.where(few, 0, max_steps)  # no steps if the system was eliminated
-    z, _ = draft(splitting, root * rhs, max_steps=max_steps)
-    last = run_steps(splitting, z, max_steps)
+    steps: Any = jnp.where(few, 0, max_steps)  # none if the system was eliminated
+    z, _ = draft(splitting, root * rhs, max_steps=steps)
+    last = run_steps(splitting, z, steps)
     x = splitting.solid.resolve(last.z)
     tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
     found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..blocks.stack import GradedLayer, HalfSpace, Layer, Rigid, Stack, moduli_of
+from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, moduli_of
 from ..core.checks import is_concrete
 from ..core.compilation import compiled, compiled_loop
 from ..core.derivative import derivative_apart, still
@@ -127,7 +127,7 @@ def _check_analytic(stack: Stack, steps: Array) -> None:
     if not all(map(is_concrete, jax.tree.leaves((stack, steps)))):
         return
     for part in (*stack.layers, stack.base):
-        if isinstance(part, Rigid) or _is_analytic(part, steps):
+        if isinstance(part, Rigid | Free) or _is_analytic(part, steps):
             continue
         name = "profile" if isinstance(part, GradedLayer) else "material"
         raise ValueError(
@@ -190,10 +190,10 @@ def _creep(
     # What the long hyperbola leaves, from the shortest time to the whole one.
     times = jnp.exp(jnp.linspace(jnp.log(shortest), jnp.log(whole), _CHECKED))
     alone = jax.lax.map(of_step, jnp.concatenate([steps, jnp.cumsum(steps), times]))
-    ends = [len(steps), 2 * len(steps)]
-    creep, now = (jnp.moveaxis(part[: ends[0]], 1, 0) for part in alone[1:])
-    aged = alone[1][ends[0] : ends[1], 0]
-    exact, reached = alone[0][ends[1] :, 0], alone[2][ends[1] :, 0]
+    n = len(steps)
+    creep, now = (jnp.moveaxis(part[:n], 1, 0) for part in alone[1:])
+    aged = alone[1][n : 2 * n, 0]
+    exact, reached = alone[0][2 * n :, 0], alone[2][2 * n :, 0]
     by_nodes = jnp.sum((kernels[0] * jnp.exp(nodes * times[:, None])[..., None]).real, axis=1)
     apart = jnp.cumsum(jnp.abs(by_nodes - exact) * times[:, None], axis=0)
     error = jnp.max(apart / reached) * jnp.log(whole / shortest) / (_CHECKED - 1)

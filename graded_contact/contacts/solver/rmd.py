@@ -23,7 +23,7 @@ one FFT pair a step. The law must be smooth. No rule for mass and damping is giv
   twice as stiff as the attraction rises.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -72,17 +72,17 @@ class ResidualDynamics(AbstractContactSolver):
         heights = heights - jnp.mean(heights)
         unit = pressure_unit(operator, heights, loading)
         length = unit * jnp.max(jnp.abs(operator.compliance))  # so that |M|max = 1
-        law = law.in_units(unit, length)
+        scaled: Any = law.in_units(unit, length)
         given = zip(loading, (unit, length), strict=True)
         loading = loading._make(None if a is None else a / size for a, size in given)
-        problem = Inputs(operator.scaled(unit / length), heights / length, law, loading)
+        problem = Inputs(operator.scaled(unit / length), heights / length, scaled, loading)
         gap = _first_gap(problem, None if start is None else start / unit)
-        last = run_steps(_Verlet(problem, law, rtol), gap, self.max_steps)
+        last = run_steps(_Verlet(problem, scaled, rtol), gap, self.max_steps)
         gap = last.gap
-        pressure = law.pressure_at(gap)
-        residual, _ = _residual(problem, gap, pressure, _stiffness(law, gap))
+        pressure = scaled.pressure_at(gap)
+        residual, _ = _residual(problem, gap, pressure, _stiffness(scaled, gap))
         if loading.pressure is not None:
-            pressure = to_mean(operator, pressure, loading.pressure, law.bounds)
+            pressure = to_mean(operator, pressure, loading.pressure, scaled.bounds)
         return SolverOutput(
             pressure=pressure * unit, gap=gap * length,
             displacement=(residual + gap + problem.heights) * length,
