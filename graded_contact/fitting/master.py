@@ -21,7 +21,6 @@ from ..core.checks import (
     check_poisson,
     check_values,
 )
-from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
@@ -146,8 +145,9 @@ class MasterCurve(AbstractFit):
 
         They are large for isotherms too flat to be placed by anything but the law.
         """
+        by_unknowns = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))
+        along, across = by_unknowns(self.theta)
         spread = self.covariance()
-        along, across = _slopes(self.isotherms, self.theta)
         return deviation(along / LN10, spread), deviation(across, spread)
 
     def report(self) -> str:
@@ -181,12 +181,6 @@ class MasterCurve(AbstractFit):
         p = np.asarray(split_shifts(self.isotherms, self.theta)[0])
         lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
         return bool(np.any((p < lower + AT_BOUND) | (p > upper - AT_BOUND)))
-
-
-@compiled
-def _slopes(isotherms: Isotherms, theta):
-    """Derivatives of ln a and ln b of each isotherm by all unknowns."""
-    return jax.jacfwd(lambda unknowns: log_shifts(isotherms, unknowns))(theta)
 
 
 def master_curve(

@@ -59,11 +59,11 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     nearest = np.ix_(*(np.rint(np.arange(m) * (n / m)).astype(int) % n for n, m in pairs))
     measured = None if surface.measured is None else surface.measured[nearest]
     note = f"Resampled from {old} to {grid.shape} points by Fourier modes."
-    heights = _resampled(surface.heights, grid.shape)
+    heights = _resampled_by_waves(surface.heights, grid.shape)
     return Surface(heights, grid, (*surface.history, note), measured, warnings=surface.warnings)
 
 
 @partial(jax.jit, static_argnums=1)
-def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
+def _resampled_by_waves(heights: Array, shape: tuple[int, ...]) -> Array:
     modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
     return to_field(modes, shape) * (math.prod(shape) / heights.size)
