@@ -45,7 +45,7 @@ class Iterates(eqx.Module):
         """Returns the state at a start z, before its first image."""
         stored = jnp.float32 if z.size >= SAMPLED_FROM else z.dtype
         fields = jnp.zeros((m, *z.shape), stored)
-        changes = jnp.zeros((m, *z[_sample(z.size)].shape), stored)
+        changes = jnp.zeros((m, *z[_rows_of_sample(z.size)].shape), stored)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
         none, running = jnp.asarray(0), jnp.asarray(True)
         return cls(z, z, fields, changes, products, none, infinite, none, infinite, running)
@@ -58,7 +58,7 @@ def accelerate(state: Iterates, image, error, running) -> Iterates:
     """
     m = len(state.products)
     slot, order = jax.lax.rem(state.cycles, m), np.arange(m)
-    rows = _sample(image.size)
+    rows = _rows_of_sample(image.size)
     change = (image[rows] - state.z[rows]).astype(state.changes.dtype)
     changes = jax.lax.dynamic_update_index_in_dim(state.changes, change, slot, 0)
     difference = (image - state.image).astype(state.differences.dtype)
@@ -84,7 +84,7 @@ def accelerate(state: Iterates, image, error, running) -> Iterates:
     )
 
 
-def _sample(count: int) -> slice:
+def _rows_of_sample(count: int) -> slice:
     """Returns the rows of a field of `count` points that products are taken over."""
     return slice(1, None, _SAMPLE) if count >= SAMPLED_FROM else slice(None)
 

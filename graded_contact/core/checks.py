@@ -146,7 +146,7 @@ def check_values(
     """
     if not is_concrete(value):
         return
-    for array, corner in _parts(value):
+    for array, corner in _shards(value):
         if array.dtype == object:  # whole numbers beyond 64 bits
             array = array.astype(float)
         if array.dtype.kind in "SU":
@@ -163,7 +163,7 @@ def check_values(
             raise ValueError(f"`{name}{where}={array[index]:g}` is refused: {allowed}.")
 
 
-def _parts(value: ArrayLike):
+def _shards(value: ArrayLike):
     """An array and the index at which it starts: one, or what lies on devices of this process."""
     if not isinstance(value, Array) or value.is_fully_replicated:
         array = np.asarray(value)

@@ -18,9 +18,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jax.core import ShapedArray
-from jax.extend.core import Primitive
-from jax.interpreters import mlir
 from jax.sharding import get_abstract_mesh, use_abstract_mesh
 from threadpoolctl import ThreadpoolController
 
@@ -151,15 +148,8 @@ def alone(arguments: Any) -> bool:
 
 def outside_jit() -> bool:
     """Returns whether no `jit` traces this call; a derivative or `vmap` may."""
-    return is_concrete(_probe_p.bind())
-
-
-# Depends on no number: inside `jit` it is traced, and so are known arguments.
-_probe_p = Primitive("probe")
-_probe_p.def_impl(lambda: False)
-_probe_p.def_abstract_eval(lambda: ShapedArray((), np.dtype(bool)))
-_of_probe = mlir.lower_fun(lambda: jnp.zeros((), bool), multiple_results=False)
-mlir.register_lowering(_probe_p, _of_probe)
+    # Inside `jit` constants are traced, too.
+    return is_concrete(jnp.zeros((), bool))
 
 
 @functools.cache

@@ -71,24 +71,24 @@ def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[
     """A line for a value, and one for each of its parts: its name, indented, and its text."""
     entries, most, text = [], FEW, ""
     if hasattr(value, "_shown"):
-        entries, text = list(_fields(value, units)), type(value).__name__
+        entries, text = list(_entries(value, units)), type(value).__name__
         most, state = len(entries), getattr(value, "state", "")
         text += f" ({state})" if state else ""
     elif isinstance(value, Mapping):
         entries = [(str(key), entry) for key, entry in value.items()]
     elif isinstance(value, list | tuple) and not all(map(_is_number, value)):
         entries = [(f"[{i}]", entry) for i, entry in enumerate(value)]
-    yield "  " * depth + name, text or ("" if entries else _text(value))
+    yield "  " * depth + name, text or ("" if entries else _in_words(value))
     for title, entry in entries[:most]:
         yield from _rows(entry, title, units, depth + 1)
     if len(entries) > most:
         yield "  " * (depth + 1) + "...", f"{len(entries) - most} more"
 
 
-def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
+def _entries(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     """Titles and values that an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
-    named = getattr(value, "_fields", None)  # of a named tuple
+    named = getattr(value, "_entries", None)  # of a named tuple
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
     fields = named or declared
     chosen = (fields if name is ... else [name] for name in value._shown.names)
@@ -110,7 +110,7 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
         array: Any = part
         words = declared[name].metadata.get("entries", ()) if name in declared else ()
         if words and np.shape(array) == (len(words),):
-            part = ", ".join(f"{_text(n)} {of}" for n, of in zip(array, words, strict=True))
+            part = ", ".join(f"{_in_words(n)} {of}" for n, of in zip(array, words, strict=True))
         owner = type(value).__name__
         quantity = quantity_of(name, owner)
         least = noise.get(quantity.unit, 0.0) if noise and quantity else 0.0
@@ -126,26 +126,8 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
         yield _title(name, owner) if units else name, part
 
 
-def number(value: Any, form: str, error: float = 0.0) -> str:
-    """Returns a number in a format of Python, with no digits beyond the second of its error.
-
-    Below its error it is the bound of its size, "<0.031".
-    """
-    if np.isnan(value):
-        return UNKNOWN
-    if abs(value) < error < np.inf:
-        return f"<{_bound(value, error):.3g}"
-    if value == 0 and form.endswith("e"):
-        return "0"
-    text, power, kind = format(value, form), 0, "f"
-    digits, e, exponent = text.partition("e")
-    if e:
-        power, kind = int(exponent), "e"
-    _, point, decimals = digits.partition(".")
-    if not (point and decimals.isdecimal() and 0 < error < np.inf):
-        return text
-    known = max(0, power + 1 - int(np.floor(np.log10(error))))
-    return format(value, f".{min(known, len(decimals))}{kind}")
+def _digits(value: Any) -> str:
+    return UNKNOWN if np.isnan(value) else f"{value:.6g}"
 
 
 def _bound(value: float, error: float) -> float:
@@ -202,7 +184,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, numbers) and np.ndim(value) == 0
 
 
-def _text(value: Any) -> str:
+def _in_words(value: Any) -> str:
     if hasattr(value, "_enumeration"):  # of `equinox`; the first entry is success
         ends = np.asarray(jax.tree.leaves(value)[0])
         if ends.ndim == 0:
@@ -211,9 +193,9 @@ def _text(value: Any) -> str:
     if isinstance(value, jax.Array | np.ndarray):
         return _array(value)
     if _is_number(value) and not isinstance(value, bool):
-        return number(value, ".6g")
+        return _digits(value)
     if isinstance(value, list | tuple):
-        return ", ".join(map(_text, value)) or "none"
+        return ", ".join(map(_in_words, value)) or "none"
     if value is None or (isinstance(value, Mapping) and not value):
         return "none"
     return str(value) if isinstance(value, bool | str | os.PathLike) else short(value)
@@ -229,7 +211,7 @@ def _array(array: jax.Array | np.ndarray) -> str:
     entries = np.asarray(array)
     if entries.size <= FEW:
         numbers = entries.dtype.kind in "fciu"
-        return ", ".join(number(n, ".6g") if numbers else str(n) for n in entries.ravel()) or "none"
+        return ", ".join(_digits(n) if numbers else str(n) for n in entries.ravel()) or "none"
     if entries.dtype.kind not in "fiu" or np.all(np.isnan(entries)):
         return shape
     kind = "numbers" if entries.dtype == float else entries.dtype

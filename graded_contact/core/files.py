@@ -25,14 +25,14 @@ def read_file(path: str | os.PathLike, at_most: float | None = None) -> bytes:
 
 def check_fits(path: Path, size: float, at_most: float | None = None) -> None:
     """Raises `ValueError` for more bytes than are allowed, by default as many as the memory has."""
-    most = _memory() if at_most is None else at_most
+    most = _memory_of_machine() if at_most is None else at_most
     if size > most:
         raise ValueError(
             f"`path={path}` has {_megabytes(size)}; at most {_megabytes(most)} can be read."
         )
 
 
-def _memory() -> float:
+def _memory_of_machine() -> float:
     """Bytes of the machine; of unknown ones, without a limit."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

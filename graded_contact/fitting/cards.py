@@ -34,9 +34,9 @@ def toml_table(material: Prony, name: str) -> str:
     entries = {"kind": "prony", **{key: _plain(getattr(material, key)) for key in names}}
     if material.shift is not None:
         kind = type(material.shift).__name__.lower().removesuffix("shift")
-        entries["shift"] = {"kind": kind, **_fields(material.shift)}
+        entries["shift"] = {"kind": kind, **_given_fields(material.shift)}
     if material.measured is not None:
-        entries["measured"] = {"kind": "range", **_fields(material.measured)}
+        entries["measured"] = {"kind": "range", **_given_fields(material.measured)}
     lines = [f"{key} = {_in_toml(entry)}" for key, entry in entries.items()]
     bare = name.isascii() and name.replace("-", "_").isidentifier()
     return "\n".join([f"[materials.{name if bare else json.dumps(name)}]", *lines, ""])
@@ -85,7 +85,7 @@ def _plain(values: Any) -> Any:
     return np.asarray(values, float).tolist()
 
 
-def _fields(part: Any) -> dict[str, Any]:
+def _given_fields(part: Any) -> dict[str, Any]:
     """The fields of a law or a range that are set."""
     fields = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
     return {name: _plain(value) for name, value in fields.items() if value is not None}

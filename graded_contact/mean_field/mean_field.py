@@ -179,7 +179,7 @@ def mean_field_friction(
     )
     field = _checked(field, acting)
     for factor in (1, 2, 4, 8):
-        rules = _rules(field, correction, factor * num_wavenumbers, factor * num_angles)
+        rules = _quadrature_rules(field, correction, factor * num_wavenumbers, factor * num_angles)
         solution = _field(field, rules, acting)
         # Inside `jit` this is not known. An error that is not finite is of no quadrature.
         missed = (solution.error > rtol) & (solution.error < np.inf)
@@ -266,7 +266,7 @@ def reached(solution: MeanField, rtol: float = RTOL) -> MeanField:
     return eqx.error_if(solution, failed, _NOT_REACHED)
 
 
-def _rules(field, correction, num_wavenumbers, num_angles) -> Rules:
+def _quadrature_rules(field, correction, num_wavenumbers, num_angles) -> Rules:
     check_whole("num_wavenumbers", num_wavenumbers, 4)
     check_whole("num_angles", num_angles, 4)
     if num_angles % 2:

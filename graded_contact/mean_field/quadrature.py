@@ -85,7 +85,7 @@ def integrate(
     num_intervals, num_angles = rules.num_wavenumbers, rules.num_angles
     edges = joined_edges(field.spectrum, field.own)
     lengths = jnp.log(edges[1:] / edges[:-1])
-    q = _nodes(edges, lengths, num_intervals)
+    q = _nodes_between(edges, lengths, num_intervals)
     direction, speed = direction_and_speed(field.velocity)
     turn = turn_of(field.spectrum, direction)
     rule = _clenshaw_curtis(num_intervals)
@@ -97,7 +97,7 @@ def integrate(
         strain = field.strain_per_slope * slope
     temperature = None if temperatures is None else between_scales(temperatures, q)
     along, offset, weights = _angles(turn, num_angles, q.dtype)
-    rates = _rates(field, speed, q, (strain, temperature), (along, offset))
+    rates = _rates_of_waves(field, speed, q, (strain, temperature), (along, offset))
     averages = _over_angles(rates, weights)
     # Every second angle, and every second wavenumber: only their changes are used.
     coarse = jax.lax.stop_gradient(rates[..., ::2, :])
@@ -117,7 +117,7 @@ def integrate(
         omega = sliding_frequency(q[:, None, None] * along, 0.0, speed)
         lost = _over_angles(jnp.where(is_unknown(omega, known), rates[1], 0), weights)
         share = _share(lost / jnp.where(averages[1] == 0, 1, averages[1]), friction)
-    return q, x, friction, jax.lax.stop_gradient(_error(ends, product)), share
+    return q, x, friction, jax.lax.stop_gradient(_error_of_nodes(ends, product)), share
 
 
 def _over_angles(rate, weights):
@@ -134,7 +134,7 @@ def _progress(averages, lengths, rule, correction):
     return x, _stieltjes(ratio, total, rule), jnp.max(jnp.abs(ratio)) * total[-1]
 
 
-def _rates(field, speed, q, state, angle):
+def _rates_of_waves(field, speed, q, state, angle):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
     along, offset = angle
     tolerance = graded_tolerance(field.stack, q)
@@ -182,7 +182,7 @@ def _share(part, friction):
     return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
 
 
-def _error(ends, product):
+def _error_of_nodes(ends, product):
     """The largest relative error of friction and area; `product` has the size of rounding."""
     result, fewer_angles, fewer_wavenumbers = ends
 
@@ -196,22 +196,22 @@ def _error(ends, product):
     return jnp.max(change(fewer_angles) + change(fewer_wavenumbers)) + 4 * rounding
 
 
-def _nodes(edges, lengths, num_intervals):
+def _nodes_between(edges, lengths, num_intervals):
     """Nodes q [rad/m] of all pieces."""
     t = jnp.asarray(_clenshaw_curtis(num_intervals).nodes, lengths.dtype)
     # From the nearer edge, so that the edges themselves are exact: C is 0 beyond them.
     from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
     from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
-    return _joined(jnp.where(t < 0.5, from_below, from_above))
+    return _joined_pieces(jnp.where(t < 0.5, from_below, from_above))
 
 
-def _joined(pieces):
+def _joined_pieces(pieces):
     """Values at the nodes of all pieces in a row, shared ends once."""
     return jnp.append(pieces[:, :-1].ravel(), pieces[-1, -1])
 
 
 def _split(values, rule):
-    """The inverse of `_joined`, shape `(pieces, nodes)`."""
+    """The inverse of `_joined_pieces`, shape `(pieces, nodes)`."""
     n = len(rule.nodes) - 1
     return jnp.concatenate([values[:-1].reshape(-1, n), values[n::n, None]], axis=1)
 
@@ -219,7 +219,7 @@ def _split(values, rule):
 def _running(pieces):
     """Integrals from the start of each piece, made integrals from the first node on."""
     before = jnp.cumsum(pieces[:, -1]) - pieces[:, -1]
-    return _joined(before[:, None] + pieces)
+    return _joined_pieces(before[:, None] + pieces)
 
 
 def _integral(rate, lengths, rule):

@@ -53,11 +53,11 @@ def read_array(source: Source) -> Heights:
     """Returns the array in a `.npy`, or the one of a `.npz` that `channel` names."""
     loaded: Any = np.load(io.BytesIO(read_file(source.path)), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
-        return Heights(_numbers(loaded), "an array")
+        return Heights(_real_numbers(loaded), "an array")
     check_fits(source.path, sum(member.file_size for member in loaded.zip.infolist()))
     arrays = {name: loaded[name] for name in loaded.files}
     name = _chosen(source, [name for name in arrays if _are_heights(arrays[name])])
-    return Heights(_numbers(arrays[name]), f"array {name!r}")
+    return Heights(_real_numbers(arrays[name]), f"array {name!r}")
 
 
 def read_hdf5(source: Source) -> Heights:
@@ -73,7 +73,7 @@ def read_hdf5(source: Source) -> Heights:
         name = _chosen(source, names)
         node: Any = tree[name]
         check_fits(source.path, 8 * node.size)
-        return Heights(_numbers(np.asarray(node)), f"dataset {name!r}")
+        return Heights(_real_numbers(np.asarray(node)), f"dataset {name!r}")
 
 
 def _chosen(source: Source, names: list[str]) -> str:
@@ -88,7 +88,7 @@ def _are_heights(values: Any) -> bool:
     return values.dtype.kind in "iuf" and num_axes in (1, 2)
 
 
-def _numbers(values: np.ndarray) -> np.ndarray:
+def _real_numbers(values: np.ndarray) -> np.ndarray:
     if not _are_heights(values):
         raise ValueError(f"an array of {values.dtype}, shape {values.shape}, has no heights")
     return np.squeeze(values).astype(float)

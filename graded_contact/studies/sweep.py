@@ -90,7 +90,7 @@ def sweep(
         files: list[Path | None] = [None] * len(points)
         if store is not None:
             name = digest(program.code, *map(bytes_of, program.closed.consts))
-            files = [Path(store, f"{digest(name, _text(point))}.npz") for point in points]
+            files = [Path(store, f"{digest(name, _text_of(point))}.npz") for point in points]
         kept = [like.keys() - {*last}] * (len(points) - 1) + [like.keys()]
         found = [file and read_point(file, names) for file, names in zip(files, kept, strict=True)]
         left = {i: point for i, point in enumerate(points) if found[i] is None}
@@ -117,7 +117,7 @@ def sweep(
     return patiently(work)
 
 
-def _text(point: Numbers) -> str:
+def _text_of(point: Numbers) -> str:
     return repr({name: (str(value.dtype), value.item()) for name, value in point.items()})
 
 

@@ -80,7 +80,7 @@ def surface_from_heights(
         share = f"{100 * np.mean(missing):.2g} %"
         notes.append(f"Filled {np.sum(missing)} missing points ({share}) below their surroundings.")
     if periodic == "harmonic":
-        values, note = _joined(values, spacing)
+        values, note = _tapered(values, spacing)
         notes.append(note)
     elif periodic == "mirror":
         width = [(0, n) for n in values.shape]
@@ -139,7 +139,7 @@ def _spike_warnings(known: np.ndarray) -> list[str]:
     ]
 
 
-def _joined(values: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, str]:
+def _tapered(values: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, str]:
     """The heights less the harmonic function that has the jumps at the edges, and a sentence."""
     # The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights.
     jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)

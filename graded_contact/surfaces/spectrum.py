@@ -209,7 +209,7 @@ def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Arr
         raise ValueError(f"`anisotropy` is refused for a profile, which has no lay. {remedy}.")
     unit = 2 * np.pi if ndim == 2 else 2
     if spectrum.roll_off == "smooth":
-        node, weight = _nodes()
+        node, weight = _legendre_nodes()
         low, high = (jnp.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
         y = (low + high) / 2 + (high - low) / 2 * jnp.asarray(node, low.dtype)
         # In logarithms: q^order alone may leave the range of float32.
@@ -232,7 +232,7 @@ def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Arr
 
 
 @functools.cache
-def _nodes() -> tuple[np.ndarray, np.ndarray]:
+def _legendre_nodes() -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights by Gauss, enough for moments to rounding over fifteen decades of q."""
     return np.polynomial.legendre.leggauss(256)
 

@@ -71,12 +71,12 @@ def statistics(surface: Surface) -> Statistics:
     if grid.ndim == 2:
         ratio, lay = _principal(along, jnp.sum(slopes[0] * slopes[1] * power))
     return Statistics(
-        rms_height=scale * _root(jnp.sum(power)),
-        rms_slope=scale * unit * _root(jnp.sum(along)),
-        rms_slope_along=scale * unit * _root(along),
+        rms_height=scale * _root_or_zero(jnp.sum(power)),
+        rms_slope=scale * unit * _root_or_zero(jnp.sum(along)),
+        rms_slope_along=scale * unit * _root_or_zero(along),
         slope_ratio=ratio,
         lay=lay,
-        rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
+        rms_curvature=scale * unit * unit * _root_or_zero(bent) / grid.ndim,
     )
 
 
@@ -103,7 +103,7 @@ def _modal_power(surface: Surface) -> tuple[Array, Array]:
     return (modes.real**2 + modes.imag**2) * multiplicity(surface.grid.shape), scale
 
 
-def _root(square: Array) -> Array:
+def _root_or_zero(square: Array) -> Array:
     """The square root, with derivative 0 at 0."""
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
 
@@ -175,4 +175,4 @@ def slope_up_to(surface: Surface) -> tuple[Float[Array, " rings"], Float[Array, 
     edges, ring = rings(grid)
     x = jnp.where(nyquist_lines(grid.shape), 0, wavenumber(grid) / edges[0])
     squares = jnp.cumsum(binned(ring, x**2 * power, len(edges)))
-    return edges, scale * edges[0] * _root(squares)
+    return edges, scale * edges[0] * _root_or_zero(squares)

@@ -6,7 +6,8 @@ import numpy as np
 
 from graded_contact.core.anderson import Iterates, accelerate
 
-step = partial(jax.jit(accelerate), running=True)
+accelerated = jax.jit(accelerate)
+step = partial(accelerated, running=True)
 
 
 def run(matrix, b, memory, cycles):
@@ -55,6 +56,6 @@ def test_last_step_is_the_image_alone():
     start = Iterates.empty(jnp.zeros(2), 4)
     first = step(start, jnp.array([1.0, 0.0]), jnp.asarray(1.0))
     image = jnp.array([1.5, 0.1])
-    last = accelerate(first, image, jnp.asarray(0.1), running=jnp.asarray(False))
+    last = accelerated(first, image, jnp.asarray(0.1), running=False)
     np.testing.assert_array_equal(last.z, image)
     assert not np.array_equal(step(first, image, jnp.asarray(0.1)).z, image)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.fields.grid import resampled
 from graded_contact.sliding import Fluid, gap_flow
-from graded_contact.sliding.half_grid import resampled
 
 
 def test_grooves_have_the_closed_forms():
