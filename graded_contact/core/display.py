@@ -126,26 +126,8 @@ def _entries(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
         yield _title(name, owner) if units else name, part
 
 
-def number(value: Any, form: str, error: float = 0.0) -> str:
-    """Returns a number in a format of Python, with no digits beyond the second of its error.
-
-    Below its error it is the bound of its size, "<0.031".
-    """
-    if np.isnan(value):
-        return UNKNOWN
-    if abs(value) < error < np.inf:
-        return f"<{_bound(value, error):.3g}"
-    if value == 0 and form.endswith("e"):
-        return "0"
-    text, power, kind = format(value, form), 0, "f"
-    digits, e, exponent = text.partition("e")
-    if e:
-        power, kind = int(exponent), "e"
-    _, point, decimals = digits.partition(".")
-    if not (point and decimals.isdecimal() and 0 < error < np.inf):
-        return text
-    known = max(0, power + 1 - int(np.floor(np.log10(error))))
-    return format(value, f".{min(known, len(decimals))}{kind}")
+def _digits(value: Any) -> str:
+    return UNKNOWN if np.isnan(value) else f"{value:.6g}"
 
 
 def _bound(value: float, error: float) -> float:
@@ -211,7 +193,7 @@ def _in_words(value: Any) -> str:
     if isinstance(value, jax.Array | np.ndarray):
         return _array(value)
     if _is_number(value) and not isinstance(value, bool):
-        return number(value, ".6g")
+        return _digits(value)
     if isinstance(value, list | tuple):
         return ", ".join(map(_in_words, value)) or "none"
     if value is None or (isinstance(value, Mapping) and not value):
@@ -229,7 +211,7 @@ def _array(array: jax.Array | np.ndarray) -> str:
     entries = np.asarray(array)
     if entries.size <= FEW:
         numbers = entries.dtype.kind in "fciu"
-        return ", ".join(number(n, ".6g") if numbers else str(n) for n in entries.ravel()) or "none"
+        return ", ".join(_digits(n) if numbers else str(n) for n in entries.ravel()) or "none"
     if entries.dtype.kind not in "fiu" or np.all(np.isnan(entries)):
         return shape
     kind = "numbers" if entries.dtype == float else entries.dtype

@@ -9,6 +9,7 @@ Hermitian, it belongs to a real operator, and its resolvent to the resolvent of 
 """
 
 import functools
+import math
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -239,6 +240,12 @@ def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[
     even = spectrum.real if last == 0 else (spectrum.real + mirrored.real) / 2
     spectrum = jnp.where(_any(lines), even, spectrum)
     return jnp.where(~_any(~kept for kept in known), spectrum, 0)
+
+
+def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:
+    """Returns a periodic field on another grid, with the waves that both resolve."""
+    waves = resample_spectrum(to_spectrum(field), field.shape, shape)
+    return to_field(waves, shape) * (math.prod(shape) / field.size)
 
 
 def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Array, "*shape"]:

@@ -31,10 +31,8 @@ from .implicit import optimum
 from .observations import Isotherm, Loss, joined_curves
 from .prony import AbstractFit, PronyFit, deviation
 from .quality import report_of
-from .shifts import LAW_LIMITS, LN10, Isotherms, law_shifts, log_shifts, split_shifts
+from .shifts import LN10, Isotherms, law_shifts, log_shifts, split_shifts
 from .terms import check_terms, criterion
-
-AT_BOUND = 1e-3  # of the logarithm of a constant of a law
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -99,16 +97,13 @@ class MasterCurve(AbstractFit):
         return alone.rms(few)
 
     def law_serves(self) -> bool:
-        """Returns whether the law alone describes the data as well, for its few constants (BIC).
-
-        It does not with a constant at the end of its range.
-        """
+        """Returns whether the law alone describes the data as well, for its few constants (BIC)."""
         series, theta = self._problem()
         alone, few = self._by_law_alone()
         _, departures, lifts = self.isotherms.counts
         by_law = criterion(alone, len(theta) - departures - lifts, alone.total_cost(few))
         free = criterion(series, len(theta), series.cost(series.misfit(theta)))
-        return bool(by_law <= free) and not self._law_at_bound()
+        return by_law <= free
 
     def _by_law_alone(self):
         """The problem of the data shifted by the law alone, and the unknowns of the series."""
@@ -145,8 +140,7 @@ class MasterCurve(AbstractFit):
 
         They are large for isotherms too flat to be placed by anything but the law.
         """
-        by_unknowns = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))
-        along, across = by_unknowns(self.theta)
+        along, across = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))(self.theta)
         spread = self.covariance()
         return deviation(along / LN10, spread), deviation(across, spread)
 
@@ -165,22 +159,13 @@ class MasterCurve(AbstractFit):
 
     def warnings(self) -> tuple[str, ...]:
         """Returns sentences on what makes the fit doubtful, such as values far from it."""
-        said = super().warnings()
-        if self.isotherms.law == "table":
-            return said
-        if self._law_at_bound():
-            said += (f"{self.law} has a constant at the end of its range: no such law holds.",)
-        elif any(self.isotherms.stds) and not self.law_serves():
-            said += (
-                f"With {self.law} alone the error is {self.law_error():.2g}: the export has a "
-                "table of shifts, which ends at the temperatures that were measured.",
-            )
-        return said
-
-    def _law_at_bound(self) -> bool:
-        p = np.asarray(split_shifts(self.isotherms, self.theta)[0])
-        lower, upper = np.log(LAW_LIMITS[self.isotherms.law]).T
-        return bool(np.any((p < lower + AT_BOUND) | (p > upper - AT_BOUND)))
+        if self.isotherms.law == "table" or not any(self.isotherms.stds) or self.law_serves():
+            return super().warnings()
+        return (
+            *super().warnings(),
+            f"With {self.law} alone the error is {self.law_error():.2g}: the export has a table of "
+            "shifts, which ends at the temperatures that were measured.",
+        )
 
 
 def master_curve(

@@ -6,11 +6,10 @@
 The best positive spectrum of all is found by non-negative least squares on a dense grid of times
 (C. L. Lawson, R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours
 merged, then all unknowns refined. From it a walk leads down: each time the two branches are joined
-(or the one is dropped) that costs least. Down alone ends in a poor local minimum now and then, so
+(or one is dropped) where that costs least. Down alone ends in a poor local minimum now and then, so
 a branch more and one fewer are tried with the number that is chosen.
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +28,6 @@ TIMES_PER_DECADE = 10
 ROUNDS = 3  # of a branch more and one fewer, to a given length
 NO_GAIN = 1.001  # of the cost, up to which a series is as good as a longer one
 LEAST_GAIN = 1e-3  # of such a round, to go on
-REWEIGHTED = 3  # times, so that bad values do not lead the start
 RESOLUTION = 1e-6  # of measured values, relative
 
 
@@ -74,6 +72,8 @@ def choose(series: SeriesProblem, terms: int | None) -> tuple[np.ndarray, tuple[
     few, path = thinned(series), []
     if terms is None:
         fitted = _walk_down(few, _dense_start(few))
+        count = np.sum(series.measured)
+        fitted = [fit for fit in fitted if len(fit[0]) < count] or fitted[:1]
         for theta, _ in fitted:
             bic = criterion(series, len(theta), series.total_cost(theta))
             path.append(Length(series.terms(theta), series.rms(theta), bic))
@@ -152,11 +152,7 @@ def _spaced_start(series, terms):
 def _dense_start(series):
     """Non-negative least squares of relative errors on a dense grid, neighbours merged."""
     log_times, faint = series.time_grid(TIMES_PER_DECADE), np.exp(series.faintest())
-    strengths, columns = non_negative(series, log_times), series.columns(log_times)
-    for _ in range(0 if series.scale is None else REWEIGHTED):
-        model = np.maximum(series.known + strengths @ columns, np.exp(series.log_values) / 1e3)
-        weights = series.pulling(series.residual(model))
-        strengths = non_negative(dataclasses.replace(series, weights=weights), log_times)
+    strengths = non_negative(series, log_times)
     branches, static = np.split(strengths, [len(log_times)])
     # A time between two of the grid becomes a branch at each: a run of them is one branch.
     present = np.flatnonzero(branches > faint)

@@ -1,15 +1,14 @@
 """Heights and fields on half the grid of a surface, and the waves that it lacks."""
 
 import functools
-import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..contacts.operators.operator import nonzero
 from ..core.compilation import compiled
-from ..fields.grid import Grid, derivative, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import Grid, derivative, resampled
 
 _FEWEST = 4  # points along an axis that are not halved again
 NOTHING_LACKS = 1e-5  # of the squared slope: below it half the grid lacks nothing
@@ -47,12 +46,6 @@ def roughness_on(
     parts = [heights_on(heights, grid, half, window) for heights in rough]
     on_half, cut, lacking = zip(*parts, strict=True)
     return on_half, cut, functools.reduce(jnp.maximum, lacking)
-
-
-def resampled(field: Float[Array, "*shape"], shape: tuple[int, ...]) -> Float[Array, "*new"]:
-    """Returns a periodic field on another grid, with the waves that both resolve."""
-    waves = resample_spectrum(to_spectrum(field), field.shape, shape)
-    return to_field(waves, shape) * (math.prod(shape) / field.size)
 
 
 def _means(heights: Array, shape: tuple[int, ...]) -> Array:

@@ -23,9 +23,8 @@ from ..contacts.operators.window import operator_of
 from ..contacts.solution import ContactSolution
 from ..contacts.solve import contact_of, solve_contact
 from ..contacts.solver.abstract_solver import Inputs
-from ..fields.grid import Grid, resample_spectrum
+from ..fields.grid import Grid, resample_spectrum, resampled
 from .bodies import Counterface, Coupling, coupling_on, of_block
-from .half_grid import resampled
 from .motion.over_period import components, rate_of
 from .numerics import Numerics
 from .shear import ShearStress

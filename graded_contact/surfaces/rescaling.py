@@ -1,16 +1,13 @@
 """The same surface with other heights, or on another number of points."""
 
 import dataclasses
-import math
-from functools import partial
 
 import jax
 import numpy as np
-from jax import Array
 from jaxtyping import ScalarLike
 
 from ..core.checks import check_positive
-from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import Grid, resampled
 from .spectrum import one_of_height_and_slope
 from .statistics import statistics
 from .surface import Surface, check_periodic
@@ -59,11 +56,5 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     nearest = np.ix_(*(np.rint(np.arange(m) * (n / m)).astype(int) % n for n, m in pairs))
     measured = None if surface.measured is None else surface.measured[nearest]
     note = f"Resampled from {old} to {grid.shape} points by Fourier modes."
-    heights = _resampled_by_waves(surface.heights, grid.shape)
+    heights = jax.jit(resampled, static_argnums=1)(surface.heights, grid.shape)
     return Surface(heights, grid, (*surface.history, note), measured, warnings=surface.warnings)
-
-
-@partial(jax.jit, static_argnums=1)
-def _resampled_by_waves(heights: Array, shape: tuple[int, ...]) -> Array:
-    modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
-    return to_field(modes, shape) * (math.prod(shape) / heights.size)

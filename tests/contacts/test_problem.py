@@ -7,7 +7,7 @@ from oracles import dense_contact, dense_operator
 import graded_contact as gc
 
 # Every contact is on one plane or on one line, with complex kernels: each is one program.
-PLANE, LINE = gc.Grid((11, 11), 1.0), gc.Grid((64,), 1.0)
+PLANE, LINE = gc.Grid((9, 9), 1.0), gc.Grid((64,), 1.0)
 NESTED = gc.contacts.DouglasRachford(coarsest=16)
 
 
@@ -70,7 +70,7 @@ def test_surfaces_held_apart_do_not_touch():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_nearly_full_contact_of_ridges_does_not_stall(seed):
     """With a penalty for the shorter period, steps wandered without end."""
-    n = 11
+    n = 9
     q = np.hypot(20 * np.fft.fftfreq(n, 1 / n)[:, None], np.arange(n // 2 + 1))
     q[0, 0] = np.inf
     heights = np.random.default_rng(seed).normal(size=(n, n))
@@ -81,7 +81,7 @@ def test_nearly_full_contact_of_ridges_does_not_stall(seed):
     kernel = 1 / q / (1 + q / 10) ** 2 + 0j
     found = solve(kernel, heights, load, rtol=1e-9, hardness=1e9)
     exact = dense_contact(kernel, heights, load)
-    assert 0.99 < np.mean(exact > 0) < 1 and found.num_fft_pairs <= 150
+    assert 0.98 < np.mean(exact > 0) < 1 and found.num_fft_pairs <= 150
     np.testing.assert_allclose(found.pressure, exact, atol=1e-8 * exact.max())
     gap = float(found.mean_gap)
     again = solve(kernel, heights, mean_gap=gap, rtol=5e-5, hardness=1e9)

@@ -122,21 +122,6 @@ def test_friction_matches_integration_of_the_differential_equations():
     np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
 
 
-def test_complete_contact_has_the_friction_of_the_contact_solver():
-    """The theory is exact where there is no gap; a smooth C(q) has the same sum and integral."""
-    q = np.geomspace(2 * Q0, 31 * Q0, 600)
-    spectrum = gc.surfaces.SpectrumTable(q, 1e-16 * np.exp(-((np.log(q / 10 / Q0) / 0.2) ** 2) / 2))
-    surface = gc.random_surface(spectrum, gc.Grid((64, 64), CELL), jax.random.key(0))
-    at = {"pressure": 1e8, "velocity": [-0.02, 0.01]}
-    plain = gc.contacts.DouglasRachford(coarsest=64, newton=False)
-    solved = gc.slide(COATED, surface, **at, rtol=1e-10, solver=plain)
-    assert solved.contact_area == 1
-    solution = gc.mean_field_friction(COATED, spectrum, **at, num_wavenumbers=160)
-    np.testing.assert_allclose(solution.friction, solved.friction, rtol=1e-5)
-    np.testing.assert_allclose(solution.contact_area, 1, rtol=1e-15)
-    np.testing.assert_allclose(solution.stress_variance[-1], jnp.var(solved.pressure), rtol=1e-5)
-
-
 # Limits and invariances
 
 

@@ -135,14 +135,6 @@ def test_a_fit_shows_points_series_limits_and_residuals():
     np.testing.assert_allclose(below.lines[1].get_ydata(), residual, rtol=1e-9)
 
 
-def test_a_fit_in_time_shows_what_was_measured():
-    time = np.append(0.0, np.geomspace(1e-2, 1e2, 20))
-    modulus = 1e6 + 4e6 * np.exp(-time)
-    relaxation = gc.plot.plot_fit(gc.fit_prony(time, modulus, kind="relaxation", terms=1)).axes[0]
-    x, y = relaxation.lines[1].get_data()
-    np.testing.assert_allclose(y, 1e6 + 4e6 * np.exp(-x))
-
-
 # Labels without a unit: of counts and of dimensionless numbers.
 BARE = (
     "", "evaluation", "objective", "constraint (0 or more allowed)", "parameter / result",

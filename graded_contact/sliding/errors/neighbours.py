@@ -22,10 +22,10 @@ from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete
 from ...core.compilation import compiled
 from ...core.derivative import largest
-from ...fields.grid import interpolate
+from ...fields.grid import interpolate, resampled
 from ..case import WINDOW
 from ..formulas import lift
-from ..half_grid import NOTHING_LACKS, halved, resampled, roughness_on
+from ..half_grid import NOTHING_LACKS, halved, roughness_on
 from ..number import Found
 from ..numerics import Numerics
 from ..problem import CycleProblem, Problem, SteadyProblem
