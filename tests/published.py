@@ -48,14 +48,19 @@ def sliding_sphere(velocity: float, points: int = 256) -> gc.Sliding:
     return press(rubber, ball(points, 2.6e-3, 1e-2), load=0.15, velocity=velocity)
 
 
+def elastic(modulus: float, poisson: float) -> gc.Prony:
+    """With a branch without strength: it shares programs with viscoelastic solids."""
+    return gc.Prony(modulus, [1e-12 * modulus], [1.0], poisson)
+
+
 def layers_under_hertz(layers, curvature: float, points: int = 256) -> tuple[float, float]:
     """Highest pressure and radius over those of Hertz on the bare base of 1 Pa.
 
     `layers` are (E, ν, thickness); the radius of Hertz is the unit of length.
     """
     load, peak = 4 / 3 * REDUCED / curvature, 2 * REDUCED / (np.pi * curvature)
-    coats = tuple(gc.Layer(gc.Elastic(e, nu), d) for e, nu, d in layers)
-    stack = gc.Stack(layers=coats, base=gc.HalfSpace(gc.Elastic(1.0, POISSON)))
+    coats = tuple(gc.Layer(elastic(e, nu), d) for e, nu, d in layers)
+    stack = gc.Stack(layers=coats, base=gc.HalfSpace(elastic(1.0, POISSON)))
     found = press(stack, ball(points, 4.0, curvature), load=load)
     return float(jnp.max(found.pressure)) / peak, radius_of(found)
 

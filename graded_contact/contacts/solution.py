@@ -55,7 +55,8 @@ class RESULTS(eqx.Enumeration):
         "The temperatures of the contact, the traction that moves its surface, or in a cycle the "
         "memory of the counterface did not settle. A block whose losses change fast with "
         "temperature may have several temperatures, and one whose stiffness a traction outweighs "
-        "has no steady state: lower the velocity or the shear."
+        "has no steady state: lower the shear, with `heating` also the velocity, to a half or a "
+        "tenth. Another `rtol` does not help."
     )
     too_hot = (
         "No steady temperature of the contact was found up to the highest that materials can have: "

@@ -8,6 +8,7 @@ from oracles import elasticities
 from stored import Given, cases_of, complex_of, layered
 
 import graded_contact as gc
+from graded_contact.blocks.profile import Blend
 from graded_contact.blocks.shapes import PowerLaw
 from graded_contact.blocks.stack import GradedLayer, Stack
 from graded_contact.response.layering import Layering
@@ -119,6 +120,23 @@ def test_derivatives_match_central_differences():
     arguments = jax.tree.map(jnp.asarray, (profile, 3e-4, 2e4))
     for slope, difference in elasticities(value, arguments, 1e-4):
         assert abs(difference - slope) <= 1e-6
+
+
+def test_the_derivative_of_riccati_is_the_difference_of_layering():
+    profile = Blend(gc.Elastic(1.0, 0.3), gc.Elastic(5.0, 0.4))
+
+    def value(scale, solver):
+        stack = Stack(
+            layers=(GradedLayer(profile, 0.7),),
+            base=gc.HalfSpace(gc.Elastic(2.0, 0.2)),
+            graded_solver=solver,
+        )
+        moved = jax.tree.map(lambda leaf: leaf * scale, stack)
+        return gc.response.surface_compliance(moved, 2.0, 0.0).real
+
+    slope = jax.jit(jax.grad(lambda scale: value(scale, Riccati(rtol=1e-7))))(1.0)
+    ends = jax.jit(jax.vmap(lambda scale: value(scale, Layering())))(1 + 1e-4 * np.array([1, -1]))
+    np.testing.assert_allclose(slope, (ends[0] - ends[1]) / 2e-4, rtol=1e-6)
 
 
 def test_the_estimate_is_honest_for_steep_power_laws_at_all_wavelengths():

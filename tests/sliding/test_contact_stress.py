@@ -1,21 +1,14 @@
 """Stress under pressure and traction: closed form of a line contact, equilibrium, derivatives."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import graded_contact as gc
-from graded_contact.blocks import interface_depths
 from graded_contact.response.stress import stress_field
-from graded_contact.sliding import Coulomb, contact_stress
-from graded_contact.sliding.case import WINDOW
 
 GRID = gc.Grid((16, 16), (4e-3, 3e-3))
 SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1600, q_roll=3200, q_high=5000)
-ROAD = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
 COAT = gc.Layer(gc.Elastic(3e7, 0.35), 2e-4)
 BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Elastic(2e6, 0.45)))
 
@@ -87,18 +80,3 @@ def test_traction_along_both_axes_is_in_equilibrium():
         without_mean = here.stress - np.mean(here.stress, axis=(0, 1))
         stress = stress - np.mean(stress, axis=(0, 1))
         np.testing.assert_allclose(stress, without_mean, atol=1e-4 * np.max(np.abs(stress)))
-
-
-def test_tension_and_shear_are_those_of_the_tensor():
-    s = gc.slide(BLOCK, ROAD, pressure=5e4, velocity=[0.1, 0.2], shear=Coulomb(0.6))
-    depths = jnp.append(jnp.array([0.0, 1e-4]), interface_depths(BLOCK))
-    found = contact_stress(s, depths, side="above")
-    principal = np.linalg.eigvalsh(found.stress)[..., -1]
-    np.testing.assert_allclose(found.tension, principal, atol=1e-9 * np.max(principal))
-    # At the surface the shear is f σ along the motion.
-    np.testing.assert_allclose(found.shear[0], 0.6 * s.pressure, atol=1e-3 * np.max(s.pressure))
-    pushed = found.stress[0][..., 1, 2] / np.minimum(found.stress[0][..., 0, 2], -1e3)
-    np.testing.assert_allclose(pushed[s.pressure > 1e5], 2.0, rtol=1e-2)
-    open_edges = dataclasses.replace(s.problem, facts=frozenset({WINDOW}))
-    with pytest.raises(ValueError, match="on a window"):
-        contact_stress(dataclasses.replace(s, problem=open_edges), [0.0])

@@ -181,21 +181,6 @@ def test_the_contact_is_that_of_a_dense_matrix_in_space_and_time(control):
     assert found.energy_imbalance < 1e-10
 
 
-def test_slow_motion_is_the_relaxed_contact_and_fast_sliding_the_glassy_one():
-    slow = cycle(period=1e8)
-    relaxed = slide(rubber(), ROUGH, 0.0)
-    np.testing.assert_allclose(slow.mean_gap, relaxed.mean_gap, rtol=1e-6)
-    assert abs(slow.mean_friction) < 1e-6
-    fast = cycle(period=1e-8)
-    # The sum over the times is the work, to 1e-6 with 32 points and times.
-    assert abs(fast.mean_friction) < 1e-4 and 1e-8 * fast.dissipated_power < 1e-8 * LOAD
-    assert slow.energy_imbalance < 1e-10 and fast.energy_imbalance < 1e-10
-    motion = steady(1e8)
-    expected = slide(gc.Stack(base=gc.HalfSpace(gc.Elastic(4.0, 0.3))), ROUGH, 0.0)
-    gliding = cycle(s=motion.displacement, period=motion.period)
-    np.testing.assert_allclose(gliding.mean_gap, expected.mean_gap, rtol=1e-5)
-
-
 def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
     """-∮ σ0 dū is the dissipation, to the order of the times; derivatives by waves."""
     load = LOAD * (1 + 0.5 * np.sin(2 * np.pi * TIMES))

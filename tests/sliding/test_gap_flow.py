@@ -149,7 +149,7 @@ def test_claimed_errors_of_the_conductance_contain_those_of_a_grid():
     """Beside four times as many points along each edge, up to close to percolation."""
     held = []
     q = 2 * np.pi / 1e-3
-    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.49)))
+    block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e7, [1e-5], [1e-3], 0.49)))
     spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q, q_roll=2 * q, q_high=4 * q)
     names = [f"flow_along_{axis}{end}" for end in ("", "_error") for axis in ("x", "y")]
     for seed in range(20, 22):

@@ -75,23 +75,6 @@ def test_heat_over_the_depth_is_the_work_of_friction():
     assert np.max(none) < 1e-9 * np.max(source)
 
 
-def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
-    """The usual estimates release all heat at the surface."""
-    s = slid(SOFTENED, 0.0, 3e4)
-    depths, weights = gauss_within(SOFTENED, EDGES_OF_CELL)
-    source = heat_source(s, depths, weights > 0)
-    heat = Heat(source, weights, shear_heat(s))
-    (found,) = temperatures(s, (SOFTENED,), RUBBER_HEAT, heat, [jnp.array([0.0, 1e-3])])
-    rise = jax.vmap(lambda spectrum: to_field(spectrum, s.grid.shape))(found)
-    np.testing.assert_allclose(jnp.mean(rise, (1, 2)), 0, atol=1e-12)
-    flux = jnp.tensordot(weights, source, 1)
-    k = thermal_wavenumber(s.grid, s.velocity, RUBBER_HEAT.diffusivity)
-    above = to_field((to_spectrum(flux) / (0.25 * k)).at[0, 0].set(0), s.grid.shape)
-    touching = s.pressure > 0
-    assert 0 < jnp.mean(rise[0][touching]) < 0.7 * jnp.mean(above[touching])
-    assert rise[0].max() > rise[1].max() > 0
-
-
 def moving_band(peclet):
     """Max and mean of T κ/(q b) under a band of half width b, above the temperature far ahead."""
     half, n = 256, 2**21  # points
