@@ -1,7 +1,7 @@
 """How objects print: numbers with units, arrays by their shape, how a solve ended.
 
 Units come from the table of quantities, by the names of fields; under `jit` objects print their
-shapes alone. A derivative has the class of what it is by, but another unit: classes that one
+shapes alone. A derivative by a stack is a stack whose numbers have other units: classes that one
 differentiates by, such as stacks, print no units of their own. In a result, such as a fit with its
 material, they do.
 """

@@ -2,7 +2,7 @@
 
 Prints, columns of tables, attributes of datasets, labels of axes and the documentation take their
 words from here. The numbers of results of sliding bring their own, see `sliding/number.py`. A
-dimensionless number whose name says what it is needs no entry.
+dimensionless number with a plain name needs no entry.
 """
 
 from typing import NamedTuple

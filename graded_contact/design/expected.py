@@ -42,7 +42,7 @@ class ExpectedDesign(eqx.Module):
 
     - `parameters`: as `lower` and `upper` were given.
     - `value`, `error`: mean of the objective over new draws, and its standard error.
-    - `constraints`, `constraints_error`: the same of the constraints, flat.
+    - `constraints`, `constraints_error`: means of the constraints and their standard errors, flat.
     - `history`: the objective of each step, with its draw.
     """
 

@@ -22,7 +22,7 @@ from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts, log_sh
 from .terms import WALK, Length, best_of_length, choose, criterion, non_negative
 
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
-DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # the same by spectra, each of which is a fit
+DISTANCES = LN10 * np.arange(-0.5, 6.0, 0.25)  # trial distances by spectra; each takes a fit
 UNPAIRED = 0.1  # log difference that a point without a partner on the other curve counts as
 UNSEEN = 0.01  # weight of a step between curves without overlap in the law
 ROUNDS = 4  # of choosing the number of terms

@@ -9,8 +9,8 @@ The fit minimises the sum of squared logarithms of model over measurement. So ev
 same weight; in absolute squares the rubbery loss, which friction needs, has none. Strengths are
 positive by construction, hence every fit is passive. Times are free within a decade of the data.
 
-The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are the same functions:
-the best of one kind is the best of the other, and `fit.material.creep()` is exact.
+A relaxation form of N terms with E_eq > 0 can be written as a creep form of N terms, exactly: the
+best fit of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
 import abc

@@ -226,7 +226,7 @@ class BulkShear(AbstractMaterial):
 
     - `bulk`: material whose complex modulus is read as K(ω) [Pa], not as Young's modulus; its own
       Poisson's ratio is ignored.
-    - `shear`: the same for G(ω) [Pa].
+    - `shear`: material whose complex modulus is read as G(ω) [Pa].
     """
 
     bulk: AbstractMaterial = eqx.field(converter=material_called("bulk"))

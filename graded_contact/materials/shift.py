@@ -47,7 +47,7 @@ class AbstractShift(eqx.Module):
 
     @abc.abstractmethod
     def rebased(self, temperature: ScalarLike) -> "AbstractShift":
-        """Returns the same law written about another reference temperature [K]."""
+        """Returns this law written about another reference temperature [K]."""
 
     @abc.abstractmethod
     def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:

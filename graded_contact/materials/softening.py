@@ -106,7 +106,7 @@ def at_strain(block: T, strain: ScalarLike) -> T:
     - `block`: a material, a layer, a `Stack`, or any tree of them.
     - `strain`: ε [1], not negative.
 
-    **Returns:** the same with other amplitudes.
+    **Returns:** the block with its moduli at this amplitude.
 
     **Raises:** `ValueError` if no material of the block softens.
     """

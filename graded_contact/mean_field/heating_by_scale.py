@@ -49,7 +49,7 @@ class HeatedScales(eqx.Module):
     **Fields:**
 
     - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
-    - `rises`: the same at the scale of each cut-off [K], shape `(n,)`.
+    - `rises`: temperature rises at the scale of each cut-off [K], shape `(n,)`.
     - `error`: change of the temperatures in the last step over the largest rise [1].
     """
 
