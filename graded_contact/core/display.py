@@ -88,7 +88,7 @@ def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[
 def _entries(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     """Titles and values that an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
-    named = getattr(value, "_entries", None)  # of a named tuple
+    named = getattr(value, "_fields", None)  # of a named tuple
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
     fields = named or declared
     chosen = (fields if name is ... else [name] for name in value._shown.names)
