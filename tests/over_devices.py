@@ -1,6 +1,6 @@
 """The mean square pressure of a contact over several processes, printed: run by `test_devices.py`.
 
-Arguments: the address of a coordinator, the number of processes and that of this one.
+Arguments: the address of a coordinator, the number of processes and the index of this one.
 """
 
 import sys

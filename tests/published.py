@@ -191,7 +191,7 @@ def adhesive_sphere(tabor: float, points: int = 256, steps: int = 13) -> tuple[f
     path = unit * (np.linspace(2.3, -1.4, steps) - 1 / tabor)
     kernel = gc.kernels.window_kernel(stack, surface.grid)
     law = gc.contacts.AdhesiveLJ(unit / tabor, WORK, contact_gap=1.2)
-    # All solves start from a pressure, the first from that of Hertz: they share a program.
+    # All solves start from a pressure, the first from Hertz's: they share a program.
     pressure = 2 / np.pi * np.sqrt(np.maximum(path[0] + 2 * surface.heights, 0))
     loads, areas = [], []
     for approach in path:

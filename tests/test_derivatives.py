@@ -81,7 +81,8 @@ CASES = {
 }
 
 
-IN_ONE_PROGRAM = {"modulus", "friction of a transient", "mean field"}  # others in those of values
+# The others have the programs of their values.
+IN_ONE_PROGRAM = {"modulus", "friction of a transient", "mean field"}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -91,8 +91,8 @@ def solve_contact(
     - `solver`: algorithm and its limits: see `DouglasRachford`, or `AbstractContactSolver` to write
       a custom one.
     - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
-    - `derivative_rtol`: the same of a derivative of the pressure; None means twenty times `rtol`,
-      at most 1e-3.
+    - `derivative_rtol`: requested relative error of a derivative of the pressure [1]; None means
+      twenty times `rtol`, at most 1e-3.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
       speed-up. With a law that attracts, it chooses among several solutions: along a

@@ -95,6 +95,8 @@ def _damped_step(slopes, gradient, damping):
 def _last_digits(residual, jacobian, point, lower, upper):
     """Takes Newton's steps of the unknowns between their bounds, unless one leaves these."""
     free = (point > lower) & (point < upper)
+    if not np.any(free):
+        return point
 
     def gradient(change):
         moved = point.copy()
@@ -109,7 +111,7 @@ def _last_digits(residual, jacobian, point, lower, upper):
     along = directions[:, stiffness > SINGULAR] * scale[:, None]
     inverse = along / stiffness[stiffness > SINGULAR] @ along.T
     moved, longest = point.copy(), LONGEST_LAST
-    while np.any(free):
+    while True:
         step = inverse @ (residual(moved) @ jacobian(moved)[:, free])
         if not np.max(np.abs(step)) < longest:
             break

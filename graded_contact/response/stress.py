@@ -77,10 +77,10 @@ def interior_fields(
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump. Pass the
       exact values of `interface_depths`.
 
-    The tolerance in graded layers is that of the stack, of stresses relative to the traction at the
-    surface, and of displacements as the stresses that they cause. If it is not reached, an error is
-    raised. Fields that have decayed below it have no correct digits. Fields in graded layers are by
-    `Layering`, whatever the solver of the stack is.
+    In graded layers the tolerance of the stack's solver holds for stresses relative to the traction
+    at the surface, and for displacements as the stresses that they cause. If it is not reached, an
+    error is raised. Fields that have decayed below it have no correct digits. Fields in graded
+    layers are by `Layering`, whatever the solver of the stack is.
 
     **Returns:** complex amplitudes, `(*w)` being the shape to which all arguments broadcast.
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.

@@ -225,7 +225,7 @@ VOGEL = 298.15 - 113.6
 
 
 def test_a_body_so_cold_that_its_shift_overflows_is_glassy_with_finite_derivatives():
-    """A series with the WLF law and a table with that of Arrhenius."""
+    """A series with the WLF law, and a table with the law of Arrhenius."""
     wlf, arrhenius = SHIFTS[0], Arrhenius(2e6, 298.15)
     table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=arrhenius)
     bodies = (two_branches(shift=wlf), 2e6, 3.7e7, VOGEL + 1e-3), (table, 1e6, 9e6, 100.0)

@@ -63,7 +63,7 @@ def test_sliding_parabola_has_its_closed_form():
         np.testing.assert_allclose(s.contact_area * size / 2, half_width, rtol=6e-3)
         centroid = np.sum(x * s.pressure) / np.sum(s.pressure)
         np.testing.assert_allclose(centroid, -8 / 3 * gamma * half_width, rtol=6e-3)
-        # The moment of the pressure is that of the slopes, and an elastic block loses nothing.
+        # The pressure's moment equals the slopes', and an elastic block loses nothing.
         np.testing.assert_allclose(s.friction, friction - 8 / 3 * gamma * half_width, atol=1e-4)
         np.testing.assert_allclose(s.block_friction, 0, atol=1e-12)
 

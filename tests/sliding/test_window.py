@@ -50,7 +50,7 @@ def bowl(n, x, tilt=0.0):
 
 
 def test_sphere_is_that_of_hertz():
-    """Radius, peak and approach a²/R; the stiffness 2E*a is that of the counted radius."""
+    """Radius, peak and approach a²/R; the stiffness 2E*a has the counted radius."""
     for radius in (0.2, 0.4):
         load, surface = 4 / 3 * REDUCED * radius**3, bowl(60, distances(60))
         low, found, high = (press(surface, pressure=share * load) for share in (0.98, 1.0, 1.02))

@@ -36,7 +36,7 @@ def steps_given(problem: TransientProblem, kept: tuple[int, ...]) -> StepInputs:
         for kind in [0, *[1] * (way.shape[1] if len(problem.creeps[0].kernels) > 1 else 0)]
         for creep in problem.creeps
     )
-    # The nodes follow from the times: those of all bodies are equal.
+    # The nodes follow from the times: all bodies have equal ones.
     z = problem.creeps[0].nodes * lengths[:, None]
     twice = _rest_of_exponential(z)
     once = 1 + z * twice  # (exp(z) - 1)/z
