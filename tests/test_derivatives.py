@@ -55,6 +55,12 @@ def two_bodies(block, counterface, heights, pressure, coefficient):
     return slide(block, heights, pressure, 0.1, counterface=counterface, shear=shear)
 
 
+def heated(block, heights, pressure, temperature, conductivity):
+    heating = gc.sliding.Heating(conductivity, 1e-7)
+    given = {"pressure": pressure, "velocity": 1.0, "temperature": temperature}
+    return gc.slide(block, surface_of(heights), heating=heating, **given, **SHARP).friction
+
+
 def mean_field(block, spectrum, pressure):
     return gc.mean_field_friction(block, spectrum, pressure=pressure, velocity=0.1).friction
 
@@ -76,6 +82,7 @@ CASES = {
     "without a period": (lambda *given: slide(*given, periodic=False), (BARE, *STEADY[1:])),
     "of two bodies under Coulomb's law": (two_bodies, (BARE, BARE, HEIGHTS, 2e4, 0.3)),
     "of a cycle": (cycle, (BARE, HEIGHTS, 2e4, 1e4)),
+    "with the heat of friction": (heated, (BARE, HEIGHTS, 2e4, 300.0, 0.2)),
     "friction of a transient": (transient, (BARE, HEIGHTS, 2e4, STEPS, 1e-2 * STEPS)),
     "mean field": (mean_field, (BLOCK, SPECTRUM, 2e4)),
 }

@@ -129,6 +129,16 @@ def test_after_a_step_down_of_the_load_the_area_is_that_of_the_relaxed_modulus_a
         assert area[-1] > area[end]
 
 
+def test_an_elastic_plate_has_the_contact_that_it_has_at_rest():
+    plate = gc.Stack(layers=(gc.Layer(gc.Elastic(5e6, 0.4), 3e-4),), base=gc.Free())
+    times = 1e-3 * np.arange(1, 3)
+    moved = run(plate, times, 1e-2 * times, 2e5, rtol=1e-9)
+    resting = gc.slide(plate, SURFACE, pressure=2e5, velocity=0.0, rtol=1e-9)
+    assert 0.1 < resting.contact_area < 0.9
+    scale = np.max(resting.pressure)
+    np.testing.assert_allclose(moved.pressure[-1], resting.pressure, atol=1e-8 * scale)
+
+
 def test_an_elastic_block_stores_the_work_of_friction_and_load_and_a_rubber_takes_more():
     """The energy of the first is ⟨σ w⟩/2, whatever happened before."""
     times = np.arange(1, STEPS + 1) * 1e-3
