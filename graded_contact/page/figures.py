@@ -51,12 +51,9 @@ class Lines:
 
     def show(self, curve: Curve, pinned: Curve | None) -> None:
         """Draws the curve, and the pinned one if there is one."""
-        self.curve.data = {"x": curve.velocity, "y": getattr(curve, self.name)}
-        there = pinned is not None
-        self.pinned.data = {
-            "x": pinned.velocity if there else [],
-            "y": getattr(pinned, self.name) if there else [],
-        }
+        for drawn, one in ((self.curve, curve), (self.pinned, pinned)):
+            x, y = ([], []) if one is None else (one.velocity, getattr(one, self.name))
+            drawn.data = {"x": x, "y": y}
 
 
 class Map:

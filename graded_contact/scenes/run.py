@@ -77,7 +77,7 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
     for name in asked.intersection(STRESSES):
-        stress, depth = largest_stress(name, contact, scene.observe.stress_depths)
+        stress, depth = largest_stress(name, contact)
         found |= {name: stress, f"{name}_depth": depth}
     if motion is not None:
         found = {name: _along_motion(name, number, point) for name, number in found.items()}
