@@ -24,7 +24,7 @@ from ..materials.shift import AbstractShift, TabulatedShift
 from .alignment import at_reference
 from .implicit import optimum
 from .observations import Isotherm, Loss, joined_curves
-from .prony import AbstractFit, PronyFit, deviation
+from .prony import AbstractFit, PronyFit, standard_error
 from .quality import report_of
 from .shifts import LN10, Isotherms, law_shifts, log_shifts, split_shifts
 from .terms import criterion
@@ -137,7 +137,7 @@ class MasterCurve(AbstractFit):
         """
         along, across = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))(self.theta)
         spread = self.covariance()
-        return deviation(along / LN10, spread), deviation(across, spread)
+        return standard_error(along / LN10, spread), standard_error(across, spread)
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""

@@ -108,12 +108,12 @@ def _limits(fit: AbstractFit, omega: Array, kelvin: Array | None, spread: Array,
         return found, (found, is_unknown(omega, material.coverage()))
 
     slopes, (middle, outside) = jax.jacfwd(logs, has_aux=True)(fit.theta)
-    away = reach * deviation(slopes, spread)
+    away = reach * standard_error(slopes, spread)
     lower, upper = (jnp.where(outside, jnp.nan, jnp.exp(middle + end)) for end in (-away, away))
     return jax.lax.complex(*lower), jax.lax.complex(*upper)
 
 
-def deviation(slopes: Array, spread: Array | np.ndarray) -> Array:
+def standard_error(slopes: Array, spread: Array | np.ndarray) -> Array:
     """Returns standard deviations of quantities from their slopes by unknowns."""
     return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
 
