@@ -11,6 +11,7 @@ from graded_contact.fields.grid import Grid
 from graded_contact.scenes import kinds
 from graded_contact.scenes.outputs import Observe, Output
 from graded_contact.sliding import Fluid, Heating
+from graded_contact.sliding.shear import SHEARS
 
 INTRODUCTION = """# Keys of a scene
 
@@ -25,7 +26,7 @@ TABLES: dict[str, dict[str, Callable]] = {
     "[[layers]]": {"": Layer, "graded": GradedLayer, "graded, between two materials": Blend},
     "`shape` of a graded layer": kinds.SHAPES, "[base]": kinds.BASES,
     "[motion]": kinds.CYCLES, "[[motion]]": kinds.TRANSIENTS, "[law]": kinds.CONTACT_LAWS,
-    "[shear]": kinds.SHEAR_LAWS, "[heating]": {"": Heating}, "[fluid]": {"": Fluid},
+    "[shear]": SHEARS, "[heating]": {"": Heating}, "[fluid]": {"": Fluid},
     "[observe]": {"": Observe}, "[solver]": {"": DouglasRachford}, "[output]": {"": Output},
 }  # fmt: skip
 MADE = ("grid", "profile", "file")  # arguments that other tables give

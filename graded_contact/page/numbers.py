@@ -1,11 +1,13 @@
-"""The numbers that a page varies: loads, and the numbers of the bodies of a scene.
+"""The numbers that a page varies: loads and numbers of the bodies that the scene file states.
 
-Each has a place in the scene file, where it is saved: a material that several layers share has one
-number there, and one slider.
+Each is saved at its place there: a material that several layers share has one number there, and one
+slider.
 """
 
 import re
-from typing import Any, NamedTuple, cast
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import tomlkit
@@ -14,7 +16,7 @@ from ..core.display import unit_of
 from ..core.parameters import paths
 from ..core.quantities import in_brackets, quantity_of
 from ..plot.sweeps import title_of
-from ..scenes.scene import Scene
+from ..scenes.scene import Scene, parse_scene
 
 STEPS = 400  # of a slider
 FACTOR, FACTOR_OF_VELOCITY = 30.0, 1e3  # a slider goes from 1/factor to factor of its number
@@ -76,7 +78,10 @@ class Number(NamedTuple):
 
 
 def varied_numbers(scene: Scene) -> dict[str, Number]:
-    """Returns the numbers that a page varies, by their names: loads, then numbers of the bodies."""
+    """Returns the numbers that a page varies, by their names: loads, then numbers of the bodies.
+
+    A number that the scene file leaves out, or that is 0, does not vary.
+    """
     document, middle = tomlkit.parse(scene.text).unwrap(), middle_point(scene)
     values = {name: float(at) for name, at in middle.items() if name not in NOT_VARIED}
     of_bodies = paths(scene.bodies)
@@ -88,7 +93,8 @@ def varied_numbers(scene: Scene) -> dict[str, Number]:
             values.setdefault(name, float(number))
     found: dict[Place, list[str]] = {}
     for name in values:
-        found.setdefault(keys_of(document, name), []).append(name)
+        if (place := keys_of(document, name)) is not None:
+            found.setdefault(place, []).append(name)
     return {n[0]: number_at(place, tuple(n), values[n[0]]) for place, n in found.items()}
 
 
@@ -97,8 +103,8 @@ def middle_point(scene: Scene) -> dict[str, Any]:
     return {name: values[len(values) // 2] for name, values in scene.axes.items()}
 
 
-def keys_of(document: dict[str, Any], name: str) -> Place:
-    """Returns the keys of a number in the tables of a scene, also of one left out there."""
+def keys_of(document: dict[str, Any], name: str) -> Place | None:
+    """Returns the keys of a number in the tables of a scene, or None if they leave it out."""
     for table in ("sweep", "load"):
         if name in document.get(table, {}):
             return table, name
@@ -108,9 +114,9 @@ def keys_of(document: dict[str, Any], name: str) -> Place:
         key: Any = int(word) if word.isdigit() else word
         if key == "profile" and "profile" not in table:
             continue  # the materials of a graded layer stand in its own table
-        place += (key,)
-        known: Any = isinstance(table, dict | list)
-        table = cast(Any, table)[key] if known and (isinstance(key, int) or key in table) else {}
+        if not isinstance(table, list) and key not in table:
+            return None
+        place, table = (*place, key), table[key]
         if isinstance(table, str) and table in document["materials"]:
             place, table = ("materials", table), document["materials"][table]
     return place
@@ -142,3 +148,26 @@ def range_of(name: str, unit: str, value: float) -> tuple[float, float, bool]:
         return 2 * value, 0.0, False
     factor = FACTOR_OF_VELOCITY if name == "velocity" else FACTOR
     return value / factor, value * factor, True
+
+
+def save(scene: Scene, values: Mapping[str, float], path: Path) -> None:
+    """Writes a scene with other values of its numbers to a new file; its comments stay.
+
+    A number that did not change stays as it is written, such as a list of velocities.
+
+    **Raises:** `FileExistsError`; `ValueError` if paths of the scene do not lead to its files from
+    the new one.
+    """
+    document: Any = tomlkit.parse(scene.text)
+    for name, number in varied_numbers(scene).items():
+        if values[name] != number.value:
+            *way, last = number.place
+            table = document
+            for key in way:
+                table = table[key]
+            table[last] = values[name]
+    text = tomlkit.dumps(document)
+    parse_scene(text, path.parent)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("x", encoding="utf-8") as file:
+        file.write(text)

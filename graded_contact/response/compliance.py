@@ -72,8 +72,8 @@ def effective_modulus(stack: Stack, q: Numbers, omega: Numbers) -> Inexact[Array
 
 
 def surface_compliance_matrix(
-    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers, *, error: bool = False
-) -> Any:
+    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
+) -> Inexact[Array, "*w 3 3"]:
     """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
 
     Both vectors are along (x, y, z) with z into the solid, the tractions being those acting on
@@ -84,14 +84,11 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `error`: as in `surface_compliance`, of c11, c22 and c_T each and of c12 over their geometric
-      mean.
 
     **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
     """
     qx, qy, omega = wavevectors(stack, qx, qy, omega)
-    found = _matrix(stack, qx, qy, omega, graded_tolerance(stack, qx), not error)
-    return found if error else found[0]
+    return _matrix(stack, qx, qy, omega, graded_tolerance(stack, qx))
 
 
 def wavevectors(stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, ...]:
@@ -167,13 +164,13 @@ def compliance_parts(
 
 
 @compiled
-def _matrix(stack, qx, qy, omega, rtol, throw):
+def _matrix(stack, qx, qy, omega, rtol):
     q = jnp.hypot(qx, qy)
-    (c11, c12, c22, c_t), error = compliance_parts(stack, q, omega, rtol, throw)
+    c11, c12, c22, c_t = compliance_parts(stack, q, omega, rtol, throw=True)[0]
     a, b = qx / q, qy / q
     # In the precision of the values: a Python number could raise it.
     i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
     xy, xz, yz = (c11 - c_t) * a * b, -i * c12 * a, -i * c12 * b
     xx, yy = c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a
     entries = jnp.broadcast_arrays(xx, xy, xz, xy, yy, yz, -xz, -yz, c22)
-    return jnp.stack(entries, -1).astype(i.dtype).reshape(*c11.shape, 3, 3), error
+    return jnp.stack(entries, -1).astype(i.dtype).reshape(*c11.shape, 3, 3)

@@ -37,7 +37,6 @@ from ..sliding import (
     start,
     start_stop,
 )
-from ..sliding.shear import SHEARS
 from ..surfaces import SelfAffine, Surface, random_surface
 from .builder import Builder, with_keys_of
 
@@ -127,7 +126,6 @@ NESTED = {
     "shape": SHAPES,
     "graded_solver": GRADED_SOLVERS,
 }
-SHEAR_LAWS = SHEARS
 
 
 def layer_of(builder: Builder, place: str, table: dict[str, Any]) -> Layer | GradedLayer:

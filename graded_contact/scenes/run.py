@@ -1,9 +1,9 @@
 """A scene to its results: an `xarray.Dataset` over its axes.
 
 Variables are the numbers of each contact, `message` (empty where the solve succeeded), the
-`heights` of the surface, and the fields that the scene stores: `contact_pressure`, `gap`,
-`displacement` and, where each seed has its own, `contact_heights`. Numbers of a motion may also be
-over `time`; its fields are over `time`, of a transient motion over `field_time`.
+`heights` of the surface (of several seeds the last one), and the fields that the scene stores:
+`contact_pressure`, `gap` and `displacement`. Numbers of a motion may also be over `time`; its
+fields are over `time`, of a transient motion over `field_time`.
 """
 
 import os
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 # Names in the results, where `pressure` is an axis, and in a contact.
 CONTACT_FIELDS = {"contact_pressure": "pressure", "gap": "gap", "displacement": "displacement"}
-SEED_HEIGHTS = "contact_heights"
 FLOWS = ("flow_along_x", "flow_along_y")
 
 
@@ -45,8 +44,7 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
     this package as attributes. It has the fields of the last point, or of all points if the
     scene stores these.
     """
-    stored = () if scene.output.fields is None else fields_of(scene)
-    last = stored if scene.output.fields == "last" else ()
+    last = tuple(CONTACT_FIELDS) if scene.output.fields == "last" else ()
     results = sweep(lambda point: numbers_at(scene, point), scene.axes, last=last, **engine)
     results = with_places(scene, results)
     if "temperature" in scene.axes and "velocity" in scene.axes:
@@ -60,11 +58,6 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
         version=version("graded_contact"),
         warnings="\n".join(text for surface in surfaces for text in surface.warnings),
     )
-
-
-def fields_of(scene: Scene) -> tuple[str, ...]:
-    """Returns the names of the fields that a scene may store: heights if each seed has its own."""
-    return *CONTACT_FIELDS, *([SEED_HEIGHTS] if "seed" in scene.axes else [])
 
 
 def frames_of(scene: Scene) -> tuple[int, ...]:
@@ -99,7 +92,6 @@ def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
         found |= _leakages(scene, found, case.surface.grid)
     if scene.output.fields is not None:
         found |= {name: getattr(contact.contact, of) for name, of in CONTACT_FIELDS.items()}
-        found |= {SEED_HEIGHTS: case.surface.heights} if "seed" in scene.axes else {}
     return found | {"result": contact.result}
 
 
@@ -124,7 +116,8 @@ def _leakages(scene: Scene, found: dict[str, Array], grid: Any) -> dict[str, Flo
 
 def with_places(scene: Scene, results: "Dataset") -> "Dataset":
     """Returns results with places and times in place of numbered dimensions, and the heights."""
-    surface, motion = scene.case(scene.first).surface, scene.motion
+    surface = scene.surface_at({name: values[-1] for name, values in scene.axes.items()})
+    motion = scene.motion
     space, times = ("x", "y")[: surface.grid.ndim], ()
     for axis, count, length in zip(space, surface.grid.shape, surface.grid.size, strict=False):
         places = np.arange(count) * (float(length) / count)
@@ -133,20 +126,17 @@ def with_places(scene: Scene, results: "Dataset") -> "Dataset":
         times = ("time",) if motion.repeats else ("field_time",)
         moved = "time", np.asarray(motion.displacement), attributes_of("surface_displacement")
         results = results.assign(surface_displacement=moved)
-    if motion is not None and scene.kind == "cycle":
-        part = np.arange(motion.num_times) / motion.num_times
-        results = results.assign_coords(time=("time", part, attributes_of("time")))
-    if motion is not None and scene.kind == "transient":
-        at, about = np.asarray(motion.times), {"units": "s", "long_name": "time"}
-        framed = at[np.array(frames_of(scene))]
-        results = results.assign_coords(
-            time=("time", at, about), field_time=("field_time", framed, about)
-        )
-    inner = dict.fromkeys(CONTACT_FIELDS, (*times, *space)) | {SEED_HEIGHTS: space}
+        at, about = np.arange(motion.num_times) / motion.num_times, attributes_of("time")
+        if motion.times is not None:
+            at, about = np.asarray(motion.times), {"units": "s", "long_name": "time"}
+            framed = at[np.array(frames_of(scene))]
+            results = results.assign_coords(field_time=("field_time", framed, about))
+        results = results.assign_coords(time=("time", at, about))
     for name, variable in results.data_vars.items():
         axes = tuple(dim for dim in variable.dims if dim in scene.axes)
-        if name in inner or (len(axes) < variable.ndim and "time" not in variable.dims):
-            dims = *axes, *inner.get(str(name), ("time",))
+        is_field = name in CONTACT_FIELDS
+        if is_field or (len(axes) < variable.ndim and "time" not in variable.dims):
+            dims = *axes, *((*times, *space) if is_field else ("time",))
             about = attributes_of(CONTACT_FIELDS.get(str(name), str(name)))
             results = results.assign({name: (dims, variable.values, about)})
     return results.assign(heights=(space, np.asarray(surface.heights), attributes_of("heights")))

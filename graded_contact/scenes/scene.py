@@ -24,19 +24,12 @@ from ..core.files import read_file
 from ..core.parameters import with_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
-from ..sliding import (
-    Case,
-    CyclicSliding,
-    Fluid,
-    Heating,
-    Motion,
-    Numerics,
-    Sliding,
-    TransientSliding,
-)
+from ..sliding import Case, Fluid, Heating, Motion, Numerics
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.interior.stress import STRESSES
 from ..sliding.number import observables_in
+from ..sliding.result import RESULTS
+from ..sliding.shear import SHEARS
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
 from .kinds import (
@@ -45,7 +38,6 @@ from .kinds import (
     GRADED_SOLVERS,
     MATERIALS,
     NESTED,
-    SHEAR_LAWS,
     SURFACES,
     DrawSurface,
     layer_of,
@@ -64,7 +56,6 @@ from .loads import (
 )
 from .outputs import Observe, Output
 
-KINDS = {"steady": Sliding, "cycle": CyclicSliding, "transient": TransientSliding}
 NEEDED = ("surface", "materials", "base", "load")
 TABLES = (
     *NEEDED,
@@ -257,7 +248,7 @@ def options_of(builder: Builder, tables: dict[str, Any]) -> dict[str, Any]:
     """Returns the options of a `Case` in the tables of a scene."""
     options: dict[str, Any] = {"law": HardWall()}
     options |= {name: tables["load"][name] for name in OPTIONS if name in tables["load"]}
-    for name, kinds in (("law", CONTACT_LAWS), ("shear", SHEAR_LAWS)):
+    for name, kinds in (("law", CONTACT_LAWS), ("shear", SHEARS)):
         if name in tables:
             options[name] = builder.build_kind(name, tables[name], kinds)
     if "heating" in tables:
@@ -305,7 +296,7 @@ def surface_of(
 
 def check_outputs(scene: Scene) -> None:
     """Raises `ValueError` for an optional output that contacts of this kind do not have."""
-    surface, numbers = scene.surface_at(scene.first), observables_in(KINDS[scene.kind])
+    surface, numbers = scene.surface_at(scene.first), observables_in(RESULTS[scene.kind])
     known = {need for number in numbers.values() for need in number.needs}
     if surface.grid.ndim == 1 or not surface.periodic:
         known -= {"flow"}

@@ -21,7 +21,7 @@ large, so that the loop contracts.
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, TypeGuard
+from typing import NamedTuple, TypeGuard
 
 import equinox as eqx
 import jax
@@ -34,7 +34,6 @@ from ..contacts.operators.space_time import SpaceTime
 from ..core.display import shown
 from ..fields.grid import Waves, resample_spectrum
 
-BodyName = Literal["block", "counterface"]
 OF_COUNTERFACE = "counterface."  # begins the paths of its numbers, beside a block's
 
 

@@ -187,7 +187,6 @@ class AbstractSliding(eqx.Module):
     contact: eqx.AbstractVar[ContactSolution]
     problem: eqx.AbstractVar[Problem]
     kind: eqx.AbstractClassVar[str]
-    heated: eqx.AbstractVar[Any]
     bodies: eqx.AbstractVar[tuple[Stack, ...]]
 
     @functools.cached_property

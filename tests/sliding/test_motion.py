@@ -5,6 +5,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.sliding import sinusoidal, start_stop
+from graded_contact.sliding.motion.motion import step_length
 
 GRID = gc.Grid((32,), 1.0)
 
@@ -29,7 +30,8 @@ def test_the_grid_gives_the_number_of_times(grid, strokes):
             (start_stop(stroke, 0.2, 0.0, grid=grid), 15 / 8 * stroke * 2),
         ):
             count = motion.num_times
-            assert path / count <= 0.5 * spacing and motion.largest_step(grid) <= 0.5
+            step = step_length(motion.displacement, grid.spacing)
+            assert path / count <= 0.5 * spacing and step <= 0.5
             assert count % 4 == 0 and is_fast(count)
             assert count >= 32 and (count < 200 or path / count > 0.35 * spacing)
 

@@ -1,4 +1,4 @@
-"""The stress in a body under the pressure and the traction of a contact."""
+"""The stress in the block under the pressure and the traction of a contact."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,6 @@ from ...core.derivative import derivative_apart, largest
 from ...core.display import shown
 from ...response.downwards import Side
 from ...response.stress import checked_depth, stress_field, von_mises
-from ..bodies import BodyName
 from ..case import WINDOW
 from ..result import Sliding
 from .heat_source import shear_traction
@@ -24,7 +23,7 @@ Depths = Float[Array, " depths"]
 
 @shown(units=False)
 class ContactStress(eqx.Module):
-    """The stress in a body at some depths under a contact; positive in tension.
+    """The stress in the block at some depths under a contact; positive in tension.
 
     **Fields:**
 
@@ -52,21 +51,18 @@ class ContactStress(eqx.Module):
         return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
 
 
-def contact_stress(
-    sliding: Sliding, depths: Numbers, *, side: Side = "below", body: BodyName = "block"
-) -> ContactStress:
-    """Returns the stress in a body under the pressure and the traction of a contact.
+def contact_stress(sliding: Sliding, depths: Numbers, *, side: Side = "below") -> ContactStress:
+    """Returns the stress in the block under the pressure and the traction of a contact.
 
     The traction follows the law of `shear`, coupled or not. Differentiable in the contact, with
-    the body that it keeps, and in `depths`.
+    the block that it keeps, and in `depths`. The counterface is at rest under the surface:
+    `response.stress.stress_field` with its opposite traction has its stress.
 
     **Arguments:**
 
     - `sliding`: a result of `slide` on a periodic surface.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface. See `interface_depths`.
     - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump.
-    - `body`: "block" or "counterface". The z axis is into the body, opposite for the
-      counterface.
 
     **Returns:** stresses, see `ContactStress`.
 
@@ -74,23 +70,17 @@ def contact_stress(
     """
     if WINDOW in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
-    if body == "counterface" and sliding.problem.counterface is None:
-        raise ValueError('`body="counterface"` is refused: the contact has a rigid counterface.')
     depths = as_float(depths, "depths")
     check_rows(1, depths=depths)
-    depths = checked_depth("depths", sliding.bodies[body == "counterface"], depths)
-    return ContactStress(_stress(sliding, depths, side, body), depths)
+    depths = checked_depth("depths", sliding.bodies[0], depths)
+    return ContactStress(_stress(sliding, depths, side), depths)
 
 
 @derivative_apart
 @compiled
-def _stress(sliding: Sliding, depths: Array, side: Side, body: BodyName):
-    traction, velocity, stack = shear_traction(sliding), sliding.velocity, sliding.bodies[0]
-    if body == "counterface":  # which rests under the surface
-        traction = None if traction is None else -traction
-        velocity, stack = jnp.zeros_like(velocity), sliding.bodies[1]
-    given = stack, sliding.grid, sliding.pressure
-    at = lambda z: stress_field(*given, z, velocity, traction, side).stress  # noqa: E731
+def _stress(sliding: Sliding, depths: Array, side: Side):
+    given, traction = (sliding.bodies[0], sliding.grid, sliding.pressure), shear_traction(sliding)
+    at = lambda z: stress_field(*given, z, sliding.velocity, traction, side).stress  # noqa: E731
     return jax.lax.map(at, depths)
 
 

@@ -2,7 +2,7 @@
 
 A wave of the surface at q excites the block at the frequencies of exp(-i q·s(t)): up to q v, v
 being the highest speed. So a motion is sampled finely enough if the surface moves by no more than a
-spacing of the grid from one time to the next, see `Motion.largest_step`.
+spacing of the grid from one time to the next; above 2 spacings it is refused.
 """
 
 import math
@@ -64,13 +64,6 @@ class Motion(eqx.Module):
         if self.period is not None:
             return jnp.max(ways) * self.num_times / self.period
         return jnp.max(ways / jnp.diff(jnp.asarray(self.times), prepend=0))
-
-    def largest_step(self, grid: Grid) -> Float[Array, ""]:
-        """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
-
-        Above 1, take more times; above 2 a cycle refuses the motion.
-        """
-        return step_length(self.displacement, grid.spacing, self.times is not None)
 
     def then(self, other: "Motion") -> "Motion":
         """Returns this transient motion and then another one, which begins where this one ends."""

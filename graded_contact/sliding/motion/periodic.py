@@ -3,7 +3,7 @@
 A motion is s(t) at equally spaced times over one period. A wave of the surface at q excites the
 block at the frequencies of exp(-i q·s(t)): up to q v, v being the highest speed. So a motion is
 sampled finely enough if the surface moves by no more than a spacing of the grid from one time to
-the next, see `Motion.largest_step`. With a grid these functions choose their number of times.
+the next. With a grid these functions choose their number of times.
 """
 
 import jax.numpy as jnp

@@ -85,8 +85,3 @@ class CyclicSliding(AbstractSliding):
         length = jnp.sqrt(jnp.where(moves, squared, 1))
         unit = jnp.where(moves[:, None], step / length[:, None], 0)
         return [part.reshape(-1, *[1] * self.grid.ndim) for part in unit.T]
-
-    @property
-    def velocity(self) -> Float[Array, "nt ..."]:
-        """ds/dt of the surface [m/s]."""
-        return self.motion_of_surface[0].reshape(self.displacement.shape)

@@ -18,8 +18,6 @@ class HeatedContact(eqx.Module):
     - `error`: change of the temperatures in the last step over the largest rise [1].
     - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
       and by the finite number of cells.
-    - `counterface_rises`: the rises of the counterface in the same form, or None if it is
-      rigid.
     """
 
     surface_rise: Float[Array, ""]
@@ -28,4 +26,3 @@ class HeatedContact(eqx.Module):
     error: Float[Array, ""]
     friction_error: Float[Array, ""]
     area_error: Float[Array, ""]
-    counterface_rises: Float[Array, " cells"] | None = None

@@ -18,7 +18,6 @@ from ..numbers import friction as of_friction
 from ..transient import errors as of_steps
 from ..transient import numbers as transient
 from ..transient_problem import TransientProblem
-from .temperatures import HeatedContact
 
 
 @shown("contact", "failed", "warnings")
@@ -47,7 +46,6 @@ class TransientSliding(AbstractSliding):
     recorded: dict[str, Array]
     failed: Array
     kept_steps: tuple[int, ...] = eqx.field(static=True)
-    heated: HeatedContact | None = None
     bodies: tuple[Stack, ...] = ()
     kind: ClassVar[str] = TRANSIENT
 

@@ -105,13 +105,11 @@ def solve_heated(
         warm = _warm_contact(numerics, x, given, edges, known=known)
     solution = _ended(warm.found.contact, point.error <= rtol, has_reached(x, most), numerics.throw)
     rises = x.reshape(len(case.bodies), -1)
-    of_counterface = rises[1, 1:] if len(rises) > 1 else None
-    errors = point.error, *errors
     return dataclasses.replace(
         warm.found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
         problem=dataclasses.replace(warm.found.problem, facts=facts_of(case)),
-        heated=HeatedContact(rises[0, 0], rises[0, 1:], edges, *errors, of_counterface),
+        heated=HeatedContact(rises[0, 0], rises[0, 1:], edges, point.error, *errors),
     )
 
 

@@ -85,7 +85,6 @@ class _OfStep(AbstractSliding):
 
     contact: ContactSolution
     problem: SteadyProblem
-    heated: None = None
     bodies: tuple[()] = ()
     kind: ClassVar[str] = TRANSIENT
 
