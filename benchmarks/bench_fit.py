@@ -106,10 +106,11 @@ def shifted_isotherms():
         cells = dict(zip(("free", "and vertical", "by a WLF law"), curves, strict=True))
         if peers.pyvisco is not None:
             cells["pyvisco"] = fitted_to_shifted(parts, peers.pyvisco_shifts(parts))
-            gain = cells["pyvisco"].errors().total / curves[0].errors().total
+            gain = cells["pyvisco"].errors()["total"] / curves[0].errors()["total"]
             gains.append((gain, name))
         show({"set": name, "isotherms": len(parts)} | {
-            way: f"{100 * curve.errors().total:.3f} ({curve.terms})" for way, curve in cells.items()
+            way: f"{100 * curve.errors()['total']:.3f} ({curve.terms})"
+            for way, curve in cells.items()
         })  # fmt: skip
     if gains:
         least, name = min(gains)

@@ -208,10 +208,12 @@ def check_increasing(name: str, value: Array) -> None:
             )
 
 
-def check_poisson(name: str, value: ArrayLike) -> None:
-    """Raises `ValueError` unless -1 < ν <= 1/2, the range of a stable isotropic solid."""
+def as_poisson(value: Any) -> Float[Array, ""]:
+    """Returns Poisson's ratio ν; raises `ValueError` unless -1 < ν <= 1/2, as of stable solids."""
+    poisson = as_scalar(value, "poisson")
     allowed = "Poisson's ratio must be greater than -1 and at most 0.5"
-    check_values(name, value, allowed, above=-1, at_most=0.5)
+    check_values("poisson", poisson, allowed, above=-1, at_most=0.5)
+    return poisson
 
 
 def check_shape(name: str, value: Array, shape: tuple[int, ...]) -> None:

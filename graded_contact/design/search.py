@@ -7,10 +7,8 @@ result, by a margin of 1e-8: write them relative, such as 1 - total/limit.
 """
 
 import contextlib
-import os
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,7 +21,7 @@ from jaxtyping import Array, Float
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import jit
 from ..core.display import shown
-from ..studies.points import bytes_of, code_of, digest, patiently, read_point, write_point
+from ..studies.points import patiently
 
 MARGIN = 1e-8  # of the constraints: SLSQP meets them to about its tolerance only
 FIRST_STEP = 0.1  # largest first step over the distance of the bounds
@@ -144,7 +142,6 @@ def minimise(
     seed: int = 0,
     rtol: float = 1e-9,
     max_steps: int = 200,
-    store: str | os.PathLike | None = None,
     progress: bool = False,
 ) -> Design:
     """Returns the parameters between `lower` and `upper` that minimise `objective`.
@@ -160,8 +157,6 @@ def minimise(
     - `num_starts`, `seed`: number of starts, and the seed of their positions.
     - `rtol`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
-    - `store`: a folder, with a file for each evaluation: after Ctrl-C or a kill the same call
-      repeats its steps from there.
     - `progress`: whether to show evaluations while they come.
 
     **Returns:** the best parameters, their elasticities, and the run from every start.
@@ -190,7 +185,7 @@ def minimise(
 
     def work(stop: threading.Event) -> Design:
         with _status(progress) as say:
-            evaluate = Evaluations(all_of, box, store, stop, say)
+            evaluate = Evaluations(all_of, stop, say)
             # The median: a start may be where the objective is all but zero.
             size = float(np.median([abs(evaluate(x).values[0]) for x in starts]))
             runs = tuple(descend(evaluate, box, x, size, rtol, max_steps) for x in starts)
@@ -228,8 +223,6 @@ class Evaluations:
     def __init__(
         self,
         function: Callable[[Array], tuple[Array, Any]],
-        box: Box,
-        store: str | os.PathLike | None,
         stop: threading.Event,
         say: Callable[[str], None],
     ):
@@ -239,16 +232,12 @@ class Evaluations:
             return values, jax.lax.map(lambda row: pull(row)[0], jnp.eye(len(values)))
 
         self.known: dict[bytes, Evaluation] = {}
-        self.run, self.store, self.stop, self.say = jit(both), store, stop, say
-        self.least = np.inf
-        if store is not None:
-            traced = jax.make_jaxpr(lambda x: function(x)[0])(jnp.asarray(box.low))
-            self.name = digest(code_of(traced), *map(bytes_of, traced.consts))
+        self.run, self.stop, self.say, self.least = jit(both), stop, say, np.inf
 
     def __call__(self, x: Flat) -> Evaluation:
         """Returns objective and constraints at flat parameters."""
         if x.tobytes() not in self.known:
-            found = self._stored(x)
+            found = Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
             if not all(np.all(np.isfinite(part)) for part in found):
                 raise ValueError(f"The objective, a constraint or a derivative is NaN at {x}.")
             self.known[x.tobytes()] = found
@@ -258,18 +247,6 @@ class Evaluations:
             if self.stop.is_set():
                 raise KeyboardInterrupt
         return self.known[x.tobytes()]
-
-    def _stored(self, x: Flat) -> Evaluation:
-        file = point = None
-        if self.store is not None:
-            file = Path(self.store, f"{digest(self.name, x.tobytes())}.npz")
-            point = read_point(file, Evaluation._fields)
-        if point is not None:
-            return Evaluation(point["values"], point["slopes"])
-        found = Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
-        if file:
-            write_point(file, {**found._asdict(), "message": np.asarray("")})
-        return found
 
 
 def descend(

@@ -122,7 +122,9 @@ def shifts_and_series(
 ) -> tuple[np.ndarray, SeriesProblem, tuple[Length, ...]]:
     """Returns the unknowns, the problem that they solve, and all lengths tried."""
     series, path = problem_of(data), ()
-    assert data.isotherms is not None
+    if data.isotherms is None:
+        theta, path = choose(series, terms)
+        return theta, series, path
     ends = [_end(data, start) for start in first_shifts(series, data.isotherms)]
     _, unknowns = min(ends, key=lambda end: end[0])
     for _ in range(ROUNDS):

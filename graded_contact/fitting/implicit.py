@@ -6,7 +6,6 @@ determine f_θθ is nearly singular: single terms then have no useful derivative
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import get_args
 
 import equinox as eqx
@@ -17,9 +16,10 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_type
 from ..core.compilation import compiled, one_thread_of_lapack
+from .alignment import shifts_and_series
 from .observations import Loss, Observations, Unknowns, concrete
-from .series import SeriesProblem, problem_of
-from .terms import Length
+from .series import problem_of
+from .terms import Length, check_terms
 
 SOFTENINGS = 5  # at most: the first scales have the bad values' pull on the fit in them
 SETTLED = 0.9  # times the scale before
@@ -27,35 +27,31 @@ RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data de
 
 
 def optimum(
-    find: Callable[..., tuple[np.ndarray, SeriesProblem, tuple[Length, ...]]],
-    terms: int | None,
-    loss: Loss,
-    data: Observations,
+    data: Observations, terms: int | None, loss: Loss
 ) -> tuple[Unknowns, Observations, tuple[Length, ...]]:
     """Returns the unknowns of a fit with their derivatives, the data, and all lengths tried.
 
     **Arguments:**
 
-    - `find`: the search in NumPy: of the data, it returns the unknowns, the problem that they
-      solve, and all lengths tried.
-    - `terms`: needed under `jit` and `grad`.
-    - `loss`: as in `fit_prony`.
     - `data`: those that are returned hold the scale of the loss, and what the search expected of
       shifts.
+    - `terms`: needed under `jit` and `grad`.
+    - `loss`: as in `fit_prony`.
     """
     check_type("loss", loss, *get_args(Loss))
+    check_terms(data, terms)
     path = ()
 
     def searched(data):
         nonlocal path
         # On matrices of this size more threads gain nothing; on a busy machine they cost much.
         with one_thread_of_lapack:
-            theta, series, path = find(data)
+            theta, series, path = shifts_and_series(data, terms)
             for _ in range(0 if loss == "linear" else SOFTENINGS):
                 before = np.inf if series.scale is None else float(series.scale)
                 scale = series.median_deviation(theta)
                 data = dataclasses.replace(data, scale=jnp.asarray(scale))
-                theta, series, path = find(data)
+                theta, series, path = shifts_and_series(data, terms)
                 if scale > SETTLED * before:
                     break
         expected = np.zeros(2) if series.isotherms is None else series.isotherms.penalty

@@ -15,24 +15,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import (
-    Numbers,
-    as_scalar,
-    check_poisson,
-    check_values,
-)
+from ..core.checks import Numbers, as_poisson, as_scalar, check_values
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
-from .alignment import at_reference, shifts_and_series
+from .alignment import at_reference
 from .implicit import optimum
 from .observations import Isotherm, Loss, joined_curves
-from .prony import AbstractFit, PronyFit, deviation
+from .prony import AbstractFit, PronyFit, standard_error
 from .quality import report_of
 from .shifts import LN10, Isotherms, law_shifts, log_shifts, split_shifts
-from .terms import check_terms, criterion
+from .terms import criterion
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -142,7 +137,7 @@ class MasterCurve(AbstractFit):
         """
         along, across = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))(self.theta)
         spread = self.covariance()
-        return deviation(along / LN10, spread), deviation(across, spread)
+        return standard_error(along / LN10, spread), standard_error(across, spread)
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
@@ -207,8 +202,7 @@ def master_curve(
 
     **Raises:** `ValueError` as `fit_prony`, and for fewer than two isotherms or not in kelvin.
     """
-    poisson = as_scalar(poisson, "poisson")
-    check_poisson("poisson", poisson)
+    poisson = as_poisson(poisson)
     given: dict[str, Any] = {"shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
     for name, std in given.items():
         as_scalar(std, name)
@@ -217,10 +211,5 @@ def master_curve(
     data = joined_curves(
         isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium
     )
-    check_terms(data, terms)
-
-    def find(data):
-        return shifts_and_series(data, terms)
-
-    theta, data, path = optimum(find, terms, loss, data)
+    theta, data, path = optimum(data, terms, loss)
     return MasterCurve(theta, data, poisson, path)

@@ -18,6 +18,7 @@ from ..core.checks import (
     check_positive,
     check_rows,
     check_shape,
+    check_type,
     check_values,
     is_concrete,
     short,
@@ -45,7 +46,7 @@ class Observations(eqx.Module):
       [1/Pa]; shape `(channels, points)`; 1 where nothing was measured.
     - `weights`: of the squared log residuals [1], shape `(channels, points)`.
     - `equilibrium`: E_eq [Pa] where it is known.
-    - `kind`, `flows`: the measurement; whether a compliance is of a liquid. Static.
+    - `kind`: the measurement. Static.
     - `isotherms`: the temperatures, if shifts are unknown.
     - `scale`: log residual [1] from which on values count linearly, or None.
     """
@@ -55,14 +56,13 @@ class Observations(eqx.Module):
     weights: Float[Array, "channels points"]
     equilibrium: Float[Array, ""] | None
     kind: ModuliKind = eqx.field(static=True)
-    flows: bool = eqx.field(static=True)
     isotherms: Isotherms | None = None
     scale: Float[Array, ""] | None = None
 
     @property
     def num_extras(self) -> int:
         """The number of unknowns of strengths without a time."""
-        return int(self.equilibrium is None) + 2 * int(self.flows)
+        return int(self.equilibrium is None)
 
     @property
     def num_shifts(self) -> int:
@@ -81,8 +81,7 @@ def observe(
 
     Arguments as in `fit_prony`.
     """
-    if kind not in get_args(ModuliKind):
-        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(ModuliKind)}.")
+    check_type("kind", kind, *get_args(ModuliKind))
     x = as_float(x, "x")
     if x.dtype != jnp.float64:
         raise ValueError(
@@ -97,18 +96,16 @@ def observe(
     else:
         check_values("x", x, "it must be zero or a positive number [s]", at_least=0)
         parts = {"values": values}
-    # Of the number as given: inside `jit` a converted one is not concrete.
-    flows = kind == "creep" and equilibrium is not None
-    if flows and not (is_concrete(equilibrium) and np.all(np.asarray(equilibrium) == 0)):
-        raise ValueError("`equilibrium` of creep must be 0, for a liquid, or None.")
     if equilibrium is not None:
+        if kind == "creep":
+            raise ValueError("`equilibrium` must be None for creep: it is fitted.")
         equilibrium = as_float(equilibrium, "equilibrium")
         allowed = "it must be zero or a positive number [Pa]"
         check_values("equilibrium", equilibrium, allowed, at_least=0)
     channels = zip(parts.items(), weights, strict=False)
     measured = [_channel(*part, weight, x) for part, weight in channels]
     rows, sizes = (jnp.stack(parts) for parts in zip(*measured, strict=True))
-    data = Observations(x, rows, sizes, equilibrium, kind, flows)
+    data = Observations(x, rows, sizes, equilibrium, kind)
     if concrete(data):
         _check_content(data)
     return data
@@ -158,8 +155,7 @@ def joined_curves(
     equilibrium: Numbers | None,
 ) -> Observations:  # fmt: skip
     """Returns the data, checked and sorted by temperature; arguments as in `master_curve`."""
-    if law not in get_args(LawKind):
-        raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
+    check_type("law", law, *get_args(LawKind))
     if isinstance(isotherms, Measured):
         isotherms = isotherms.isotherms()
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
@@ -181,8 +177,6 @@ def joined_curves(
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     data = observe(kinds[0], jnp.concatenate(x), jnp.concatenate(values), weights, equilibrium)
-    if data.flows:
-        raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     known = Isotherms(
         group=jnp.asarray(np.repeat(np.arange(len(x)), [len(points) for points in x])),
         temperatures=jnp.asarray(temperatures),

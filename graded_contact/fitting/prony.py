@@ -23,18 +23,17 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_positive
+from ..core.checks import Numbers, as_float, as_poisson, check_positive, optional
 from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
 from ..materials.material import Prony
+from ..materials.shift import as_temperature
 from .implicit import optimum
 from .observations import Loss, Observations, Unknowns, observe
-from .quality import FitErrors, covariance, far_values, fit_errors, report_of
+from .quality import covariance, far_values, fit_errors, report_of
 from .series import NEGLIGIBLE_STRENGTH, SeriesProblem, fixed_columns, problem_of
-from .terms import Length, check_terms, choose
-
-FLOW_AT = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
+from .terms import Length
 
 
 class AbstractFit(eqx.Module):
@@ -42,8 +41,8 @@ class AbstractFit(eqx.Module):
 
     **Fields:**
 
-    - `theta`: the unknowns, shape `(unknowns,)`: logarithms of strengths, times, and strengths
-      without a time (E_eq; of compliances 1/E_inf, and 1/η of a liquid); then shifts.
+    - `theta`: the unknowns, shape `(unknowns,)`: logarithms of strengths, times, and the strength
+      without a time (E_eq; of compliances 1/E_inf); then shifts.
     - `data`: the fitted observations.
     - `poisson`: Poisson's ratio of the material [1].
     - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
@@ -91,29 +90,30 @@ class AbstractFit(eqx.Module):
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-        omega = as_float(omega, "omega")
+        omega, kelvin = as_float(omega, "omega"), optional(as_temperature)(temperature)
         check_positive("omega", omega, "[rad/s]")
-        spread = self.covariance()
-        kelvin = None if temperature is None else as_float(temperature, "temperature")
-
-        def material(theta):
-            found = dataclasses.replace(self, theta=theta).material
-            return found if kelvin is None else found.at(kelvin)
-
-        def logs(theta):
-            modulus = material(theta).complex_modulus(omega)
-            return jnp.log(jnp.stack([modulus.real, modulus.imag]))
-
-        middle = logs(self.theta)
-        reach = deviation(jax.jacfwd(logs)(self.theta), spread)
-        reach = scipy.special.ndtri((1 + level) / 2) * reach
-        outside = is_unknown(omega, material(self.theta).coverage())
-        limits = (jnp.where(outside, jnp.nan, jnp.exp(middle + side * reach)) for side in (-1, 1))
-        lower, upper = (jax.lax.complex(*limit) for limit in limits)
-        return lower, upper
+        reach = jnp.asarray(scipy.special.ndtri((1 + level) / 2))
+        return _limits(self, omega, kelvin, jnp.asarray(self.covariance()), reach)
 
 
-def deviation(slopes: Array, spread: np.ndarray) -> Array:
+@compiled
+def _limits(fit: AbstractFit, omega: Array, kelvin: Array | None, spread: Array, reach: Array):
+    """The moduli at -`reach` and at +`reach` standard deviations from those of a fit."""
+
+    def logs(theta):
+        material = dataclasses.replace(fit, theta=theta).material
+        material = material if kelvin is None else material.at(kelvin)
+        modulus = material.complex_modulus(omega)
+        found = jnp.log(jnp.stack([modulus.real, modulus.imag]))
+        return found, (found, is_unknown(omega, material.coverage()))
+
+    slopes, (middle, outside) = jax.jacfwd(logs, has_aux=True)(fit.theta)
+    away = reach * standard_error(slopes, spread)
+    lower, upper = (jnp.where(outside, jnp.nan, jnp.exp(middle + end)) for end in (-away, away))
+    return jax.lax.complex(*lower), jax.lax.complex(*upper)
+
+
+def standard_error(slopes: Array, spread: Array | np.ndarray) -> Array:
     """Returns standard deviations of quantities from their slopes by unknowns."""
     return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
 
@@ -146,8 +146,11 @@ class PronyFit(AbstractFit):
         )
         return series.by_channel(series.model(self.theta))
 
-    def errors(self) -> FitErrors:
-        """Returns the errors of the fit."""
+    def errors(self) -> dict[str, float]:
+        """Returns root-mean-squares of ln(model/measured) [1]: "total", "storage" and "loss".
+
+        Moduli in time have the total only, and a modulus without measured values has none.
+        """
         return fit_errors(*self._problem())
 
     def report(self) -> str:
@@ -178,11 +181,11 @@ def fit_prony(
     - `values`: what was measured, shape `(points,)`, see `kind`; NaN is a missing value, also in
       one part of a complex modulus.
     - `kind`: "frequency" for E' + iE'' [Pa]; "relaxation" for E(t) [Pa]; or "creep" for the
-      compliance J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)) [1/Pa], with + t/η for a liquid
-      (`equilibrium=0`), whose exact relaxation form is the material.
+      compliance J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)) [1/Pa] of a solid, whose exact
+      relaxation form is the material.
     - `terms`: number of terms. By default the number with the least Bayes information criterion.
-    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid, such as a melt; of creep only 0. By default
-      fitted.
+    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid, such as a melt. By default fitted, for
+      creep always.
     - `weights`: of the squared residuals of storage and of loss [1], each of shape `()` or
       `(points,)`; the first is also for values in time. A weight of 0 leaves a value out.
     - `poisson`: Poisson's ratio of the material [1].
@@ -194,17 +197,9 @@ def fit_prony(
     **Returns:** the material, and how well it is known.
     """
     data = observe(kind, x, values, weights, equilibrium)
-    poisson = as_scalar(poisson, "poisson")
-    check_poisson("poisson", poisson)
-    check_terms(data, terms)
-
-    def find(data):
-        series = problem_of(data)
-        theta, path = choose(series, terms)
-        return theta, series, path
-
-    theta, data, path = optimum(find, terms, loss, data)
-    return PronyFit(theta=theta, data=data, poisson=poisson, path=path)
+    poisson = as_poisson(poisson)
+    theta, data, path = optimum(data, terms, loss)
+    return PronyFit(theta, data, poisson, path)
 
 
 @compiled
@@ -224,18 +219,9 @@ def prony_material(theta: Unknowns, data: Observations, poisson: Numbers) -> Pro
             equilibrium = jnp.where(extras[0] > least, extras[0], 0)
         return Prony(equilibrium=equilibrium, strengths=strengths, times=times, **common)
     glassy = 1 / extras[0]
-    if data.flows:
-        last = FLOW_AT * jax.lax.stop_gradient(
-            jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0))
-        )
-        strengths = jnp.append(strengths, extras[-1] * last / jnp.max(data.x))
-        times = jnp.append(times, last)
     if not len(times):
         return Prony(equilibrium=glassy, strengths=strengths, times=times, **common)
     # Retardation times that coincide after the fit are separated by 1e-6.
     meet = jnp.abs(times[:, None] - times) < 1e-7 * times
     times = times * (1 + 1e-6 * jnp.sum(jnp.tril(meet, -1), axis=1))
-    material = Prony.from_creep(glassy, strengths, times, **common)
-    if data.flows:
-        material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
-    return material
+    return Prony.from_creep(glassy, strengths, times, **common)

@@ -11,12 +11,11 @@ doi:10.1093/biomet/58.3.545). Few independent errors leave ρ uncertain: V is th
 this likelihood. A systematic misfit of the series is not part of C.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
 
-from ..core.display import shown
 from .series import SeriesProblem
 
 ALIKE = np.linspace(-0.75, 0.95, 35)  # trial ρ: errors more alike than these are rather a misfit
@@ -82,28 +81,17 @@ def _alike(columns: np.ndarray, tied: np.ndarray, first: np.ndarray) -> np.ndarr
     return likely / np.sum(likely) * variances @ ALIKE[:, None] ** np.arange(len(columns))
 
 
-@shown()
-class FitErrors(NamedTuple):
-    """Root-mean-square of ln(model/measured) [1], of all values, of storage and of loss.
-
-    A channel without measured values has none; moduli in time are all `storage`.
-    """
-
-    total: float
-    storage: float | None
-    loss: float | None
-
-
-def fit_errors(series: SeriesProblem, theta: np.ndarray) -> FitErrors:
-    """Returns the errors of the fit `theta`."""
-    weights, storage = series.weights, np.arange(len(series.weights)) < len(series.x)
-    misfit = series.misfit(theta) ** 2
-    total, *parts = (
-        float(np.sqrt(np.average(misfit, weights=some))) if np.any(some) else None
-        for some in (weights, weights * storage, weights * ~storage)
-    )
-    assert total is not None
-    return FitErrors(total, *parts)
+def fit_errors(series: SeriesProblem, theta: np.ndarray) -> dict[str, float]:
+    """Returns root-mean-squares of ln(model/measured) [1], of all values and of each modulus."""
+    squares, weights = map(series.by_channel, (series.misfit(theta) ** 2, series.weights))
+    parts = {"total": (squares, weights)}
+    if series.kind == "frequency":
+        parts |= zip(("storage", "loss"), zip(squares, weights, strict=True), strict=True)
+    return {
+        name: float(np.sqrt(np.average(square, weights=weight)))
+        for name, (square, weight) in parts.items()
+        if np.any(weight)
+    }
 
 
 def far_values(series: SeriesProblem, theta: np.ndarray) -> tuple[str, ...]:
@@ -134,13 +122,13 @@ def report_of(fit: Any, warnings: tuple[str, ...]) -> str:
     import pandas as pd
 
     material, (lowest, highest) = fit.material, fit.material.coverage()
-    errors = {name: percent(error) for name, error in fit.errors()._asdict().items() if error}
+    errors = ", ".join(f"{name} {percent(error)}" for name, error in fit.errors().items())
     lines = [
         f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
         f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
         f"Measured from {float(lowest):.4g} to {float(highest):.4g} rad/s; beyond, the series is "
         "an extrapolation.",
-        "rms of ln(fit/measured): " + ", ".join(f"{k} {v}" for k, v in errors.items()),
+        f"rms of ln(fit/measured): {errors}",
         *(f"Warning: {sentence}" for sentence in warnings),
     ]
     if fit.path:

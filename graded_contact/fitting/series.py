@@ -6,9 +6,9 @@ strengths,
     m = known + Σ_k exp(s_k) φ(x, τ_k) + Σ_j exp(c_j) B_j,
 
 with a basis φ for each kind of measurement and `static` columns B for strengths without a time:
-E_eq of moduli; 1/E_inf and, for a liquid, the fluidity 1/η of compliances. The unknowns are
-logarithms, θ = (s, ln τ, c), so that strengths are positive by construction; the shifts of
-isotherms follow (`shifts`). A known E_eq is not part of θ.
+E_eq of moduli, 1/E_inf of compliances. The unknowns are logarithms, θ = (s, ln τ, c), so that
+strengths are positive by construction; the shifts of isotherms follow (`shifts`). A known E_eq is
+not part of θ.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
 data. A search expands the model hundreds of times at every length. With derivatives by JAX each
@@ -306,9 +306,6 @@ def fixed_columns(data: Observations, x: Any, xp: Any) -> tuple[Any, Any]:
     """Returns the known part of a series at `x`, and the columns of strengths without a time."""
     rows = len(data.values) * len(x)
     constant = xp.asarray(np.arange(rows) < len(x), float)  # the first channel alone has it
-    if data.flows:
-        static = [constant, x / xp.max(xp.asarray(data.x))]
-        return xp.zeros(rows), xp.stack(static)
     if data.equilibrium is None:
         return xp.zeros(rows), constant[None]
     return constant * xp.asarray(data.equilibrium), xp.zeros((0, rows))

@@ -25,8 +25,8 @@ from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
+    as_poisson,
     as_scalar,
-    check_poisson,
     check_positive,
     check_rows,
     check_type,
@@ -76,11 +76,10 @@ class Elastic(AbstractMaterial):
     """
 
     modulus: Float[Array, ""] = eqx.field(converter=scalar("modulus"))
-    poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
+    poisson: Float[Array, ""] = eqx.field(converter=as_poisson, default=0.5)
 
     def __check_init__(self):
         check_positive("modulus", self.modulus, "[Pa]")
-        check_poisson("poisson", self.poisson)
 
     def complex_modulus(self, omega: Numbers) -> Float[Array, "*w"]:
         omega = as_numbers(omega, "omega")
@@ -111,7 +110,7 @@ class Prony(AbstractMaterial):
     equilibrium: Float[Array, ""] = eqx.field(converter=scalar("equilibrium"))
     strengths: Float[Array, " branches"] = eqx.field(converter=numbers("strengths"))
     times: Float[Array, " branches"] = eqx.field(converter=numbers("times"))
-    poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
+    poisson: Float[Array, ""] = eqx.field(converter=as_poisson, default=0.5)
     shift: AbstractShift | None = None
     measured: MeasuredRange | None = None
 
@@ -120,7 +119,6 @@ class Prony(AbstractMaterial):
         allowed = "it must be zero or a positive number [Pa]"
         check_values("equilibrium", self.equilibrium, allowed, at_least=0)
         _check_series("strengths", self.strengths, "[Pa]", self.times)
-        check_poisson("poisson", self.poisson)
         check_type("shift", self.shift, AbstractShift, type(None))
 
     @classmethod

@@ -9,9 +9,8 @@ from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
-    as_scalar,
+    as_poisson,
     check_increasing,
-    check_poisson,
     check_positive,
     check_rows,
     check_type,
@@ -54,13 +53,12 @@ class Tabulated(AbstractMaterial):
         self.omega, modulus = as_float(omega, "omega"), as_numbers(modulus, "modulus")
         # Two real rows, so that derivatives and paths need no complex numbers.
         self.storage, self.loss = modulus.real, modulus.imag
-        self.poisson = as_scalar(poisson, "poisson")
+        self.poisson = as_poisson(poisson)
         self.shift = shift
         check_rows(2, omega=self.omega, modulus=modulus)
         check_positive("omega", self.omega, "[rad/s]")
         check_positive("modulus.real", self.storage, "[Pa]")
         check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
-        check_poisson("poisson", self.poisson)
         check_increasing("omega", self.omega)
         check_type("shift", shift, AbstractShift, type(None))
 

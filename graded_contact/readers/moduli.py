@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
+from ..core.checks import Numbers, as_poisson, check_positive
 from ..materials.measured import Measured, grouped, joined
 from .columns import Heading, Understood, understood
 from .source import Layout, source_of
@@ -90,8 +90,7 @@ def read_moduli(
     **Raises:** `FileNotFoundError`; `ValueError` for a table that needs options.
     """
     paths = [path] if isinstance(path, str | os.PathLike) else list(path)
-    if poisson is not None:
-        check_poisson("poisson", as_scalar(poisson, "poisson"))
+    ratio = None if poisson is None else float(as_poisson(poisson))
     layouts = _layouts(layout)
     tables = [
         read_table(source_of(each, "read_moduli", columns=columns, units=units, layout=one))
@@ -99,7 +98,7 @@ def read_moduli(
         for one in layouts
     ]
     parts = [
-        _measured(_understood(table, deformation, kelvin), poisson, kelvin)
+        _measured(_understood(table, deformation, kelvin), ratio, kelvin)
         for table, kelvin in zip(tables, _kelvins(temperature, len(tables)), strict=True)
     ]
     return parts[0] if len(parts) == 1 else joined(parts)
@@ -159,7 +158,7 @@ def _understood(table: DataTable, deformation: str | None, kelvin: float | None)
     return found
 
 
-def _measured(found: Understood, poisson: Numbers | None, kelvin: float | None) -> Measured:
+def _measured(found: Understood, poisson: float | None, kelvin: float | None) -> Measured:
     """The moduli of a table; lines without positive numbers are left out."""
     table, way = found.table, found.way
     good = np.all([(each > 0) & (each < HUGE) for each in found.numbers.values()], axis=0)
@@ -174,7 +173,7 @@ def _measured(found: Understood, poisson: Numbers | None, kelvin: float | None) 
     abscissa, values = numbers[way[0]], value(*(numbers[name] for name in way[1:]))
     deformation = found.deformation or "tension"
     if deformation == "shear" and poisson is not None:
-        factor = 2 * (1 + float(as_scalar(poisson, "poisson")))
+        factor = 2 * (1 + poisson)
         values = values / factor if kind == "creep" else factor * values
         history.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
         deformation = "tension"

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..core.checks import Numbers, as_scalar, check_poisson, check_positive
+from ..core.checks import Numbers, as_poisson, as_scalar, check_positive
 from ..materials.material import Prony
 from .columns import Heading, understood
 from .source import Layout, source_of
@@ -52,7 +52,7 @@ def read_prony(
 
     **Raises:** `FileNotFoundError`; `ValueError` for a table that needs options.
     """
-    check_poisson("poisson", as_scalar(poisson, "poisson"))
+    poisson = as_poisson(poisson)
     table = read_table(source_of(path, "read_prony", columns=columns, units=units, layout=layout))
     found = understood(table, _SERIES, _WAYS, deformation=deformation)
     times, parts = found.numbers["time"], found.numbers[found.way[1]]
@@ -66,7 +66,7 @@ def read_prony(
     else:
         stated = {"inf": float(np.sum(parts[last]))} if np.any(last) else {}
         rest, parts = _of_moduli(table, parts[~last], known | stated)
-    factor = 2 * (1 + float(as_scalar(poisson, "poisson"))) if found.deformation == "shear" else 1.0
+    factor = 2 * (1 + float(poisson)) if found.deformation == "shear" else 1.0
     used = parts > 0
     return Prony(factor * rest, factor * parts[used], times[~last][used], poisson)
 

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..fitting.prony import AbstractFit
+from ..fitting.prony import AbstractFit, standard_error
 from ..materials.material import AbstractMaterial
 from ..materials.table import Tabulated
 
@@ -102,8 +102,7 @@ def propagate(
         return value, value
 
     slopes, value = jax.jacrev(quantity, has_aux=True)(unknowns)
-    variance = jnp.einsum("...i,ij,...j->...", slopes, spread, slopes)
-    return Estimate(value, jnp.sqrt(variance))
+    return Estimate(value, standard_error(slopes, spread))
 
 
 def sensitivity(

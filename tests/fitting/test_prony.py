@@ -106,7 +106,7 @@ def test_a_series_without_noise_is_recovered(kind):
     x, values = measured(kind, terms)
     fit = FITS[kind](x, values, poisson=0.4)
     assert fit.terms == terms and float(fit.poisson) == 0.4
-    assert fit.errors().total < 1e-7
+    assert fit.errors()["total"] < 1e-7
     strengths = COMPLIANCES if kind == "creep" else STRENGTHS
     expected = [strengths[:terms], TIMES[:terms], [1 / START if kind == "creep" else START]]
     found = np.exp(unknowns(fit))
@@ -143,7 +143,7 @@ def test_no_other_least_squares_gets_lower(kind):
         start = found + size * draw.standard_normal(len(found))
         other = least_squares(log_residual, start, args=(kind, x, values), xtol=1e-12, ftol=1e-12)
         assert lowest <= 2 * other.cost * (1 + 1e-10)
-    np.testing.assert_allclose(fit.errors().total, np.sqrt(lowest / values.size / (
+    np.testing.assert_allclose(fit.errors()["total"], np.sqrt(lowest / values.size / (
         1 + np.iscomplexobj(values))), rtol=1e-9)  # fmt: skip
 
 
@@ -163,7 +163,7 @@ def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
     length = fit.path[4]
     alone = fit_prony(omega, values, terms=length.terms)
     assert alone.terms == length.terms and alone.path == ()
-    assert alone.errors().total <= 1.02 * length.error
+    assert alone.errors()["total"] <= 1.02 * length.error
 
 
 # Known ends -------------------------------------------------------------------------------------
@@ -174,7 +174,7 @@ def test_a_known_equilibrium_modulus_is_met(kind):
     x, values = measured(kind)
     fit = FITS[kind](x, noisy(values, 0.02), terms=5, equilibrium=0.9 * START)
     assert float(fit.material.equilibrium) == 0.9 * START
-    assert fit.errors().total < 0.04
+    assert fit.errors()["total"] < 0.04
 
 
 def test_a_liquid_has_no_equilibrium_modulus():
@@ -186,20 +186,6 @@ def test_a_liquid_has_no_equilibrium_modulus():
     assert 0 <= float(free.material.equilibrium) < np.min(values.real)
 
 
-def test_the_creep_of_a_liquid_gives_its_viscosity():
-    viscosity = 4e7  # [Pa s]
-    values = compliance(TIME, START, COMPLIANCES, TIMES) + TIME / viscosity
-    fit = fit_creep(TIME, values, equilibrium=0)
-    creep = (1 / (1 + 1j * np.multiply.outer(OMEGA, TIMES))) @ COMPLIANCES
-    exact = 1 / (1 / START + creep + 1 / (1j * OMEGA * viscosity))
-    assert float(fit.material.equilibrium) == 0
-    np.testing.assert_allclose(young(fit.material), exact, rtol=1e-5)
-    flow = np.sum(np.asarray(fit.material.strengths * fit.material.times))
-    np.testing.assert_allclose(flow, viscosity, rtol=1e-5)
-    traced = jax.jit(lambda values: fit_creep(TIME, values, equilibrium=0, terms=3).theta)(values)
-    np.testing.assert_allclose(traced, fit.theta, rtol=1e-6)
-
-
 # Errors and bad values ------------------------------------------------------------------------
 
 
@@ -207,7 +193,7 @@ def test_errors_are_those_of_the_material(tread):
     omega, values, fit = tread
     errors = fit.errors()
     exact = young(fit.material, omega)
-    for part, value in ((np.real, errors.storage), (np.imag, errors.loss)):
+    for part, value in ((np.real, errors["storage"]), (np.imag, errors["loss"])):
         rms = np.sqrt(np.mean(np.log(part(exact) / part(values)) ** 2))
         np.testing.assert_allclose(value, rms, rtol=1e-9)
 

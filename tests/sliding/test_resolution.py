@@ -163,10 +163,11 @@ WAVES = gc.Surface(
 )
 
 
-def cycle(num_times, **how):
-    motion = gc.sliding.sinusoidal(2e-3, 100.0, num_times)
+def cycle(num_times, amplitude=2e-3, pulse=0.0, phase=0.0, **how):
+    motion = gc.sliding.sinusoidal(amplitude, 100.0, num_times)
     given = dict(displacement=motion.displacement, period=motion.period)
-    return gc.slide_cycle(RUBBER, WAVES, **given, pressure=2e5, **how)
+    pressure = 2e5 * (1 + pulse * np.sin(2 * np.pi * np.arange(num_times) / num_times + phase))
+    return gc.slide_cycle(RUBBER, WAVES, **given, pressure=pressure, **how)
 
 
 def test_errors_of_a_cycle_contain_those_of_the_times_and_of_the_solver():
@@ -185,3 +186,13 @@ def test_errors_of_a_cycle_contain_those_of_the_times_and_of_the_solver():
     assert 0 < missed <= loose.error_parts("mean_friction")["solver"]
     rms = lambda field: jnp.sqrt(jnp.mean(field**2))  # noqa: E731
     assert rms(loose.pressure - close.pressure) <= loose.contact.error * rms(close.pressure)
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.0])
+def test_errors_of_the_work_of_a_load_contain_those_of_the_times(phase):
+    """The block rests, so that friction has no power; at each time most power is elastic."""
+    found, fine = (cycle(n, 0.0, 0.5, phase) for n in (16, 32))
+    for name in ("load_work", "dissipated_power"):
+        off = abs(getattr(found, name) - getattr(fine, name))
+        error = found.error_parts(name)["time"]
+        assert off <= error <= 0.02 * getattr(found, name)

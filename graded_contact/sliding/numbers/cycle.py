@@ -1,5 +1,8 @@
 """Numbers of a whole cycle: its friction, work and power."""
 
+import functools
+from collections.abc import Callable
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -20,7 +23,7 @@ from ..formulas import (
     power_of,
     shear_power,
 )
-from ..number import Found, observable
+from ..number import Found, observable, value_of
 from .friction import friction
 
 
@@ -77,8 +80,29 @@ def _work_over_time(found: Found) -> Array:
     return jnp.sum(all_tractions(found) * found.motion_of_surface[0], axis=1) * found.period
 
 
-def _power_over_time(found: Found) -> Array:
-    return _work_over_time(found) / found.period
+def _lost(found: Found) -> Array:
+    """The power lost in both bodies at each frequency of the cycle [W/m²]."""
+    parts = [jnp.sum(lost, axis=tuple(range(1, lost.ndim))) for lost in losses(found)]
+    return functools.reduce(jnp.add, parts)
+
+
+def _by_losses(name: str, over: Callable[[Found], Array | float]) -> Callable[[Found], Array]:
+    """The error by the times of a number that losses over a time add up to.
+
+    Their changes at each frequency count, since the power at each time is mostly elastic.
+    """
+
+    def of_times(found):
+        own, fewer = value_of(name, found), found.near.fewer
+        if fewer is None:
+            return jnp.abs(own)
+        after, before = _lost(found), _lost(fewer)
+        unseen = jnp.zeros(len(after) - len(before), after.dtype)
+        low, high = jnp.split(before, [(len(before) + 1) // 2])
+        moved = jnp.sum(jnp.abs(after - jnp.concatenate([low, unseen, high])))
+        return jnp.abs(own - value_of(name, fewer)) / 2 + 0.3 * moved * over(found)
+
+    return of_times
 
 
 def _by_temperature(found: Found, index: int) -> Array:
@@ -108,11 +132,14 @@ work_error = work.error(
     {"grid": by_grid("work", OF_FORCE, _beside_work), "time": by_times("work", _work_over_time)}
 )
 load_work_error = load_work.error(
-    {"grid": by_grid("load_work", OF_FORCE), "time": by_times("load_work", _work_over_time)}
+    {
+        "grid": by_grid("load_work", OF_FORCE),
+        "time": _by_losses("load_work", lambda found: found.period),
+    }
 )
 dissipated_power_error = dissipated_power.error(
     {
         "grid": by_grid("dissipated_power", OF_FORCE, unseen_power),
-        "time": by_times("dissipated_power", _power_over_time),
+        "time": _by_losses("dissipated_power", lambda _: 1.0),
     }
 )
