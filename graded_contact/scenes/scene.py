@@ -28,7 +28,7 @@ from ..sliding import Case, Fluid, Heating, Motion, Numerics
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.interior.stress import STRESSES
 from ..sliding.number import observables_in
-from ..sliding.result import RESULTS
+from ..sliding.result import KINDS
 from ..sliding.shear import SHEARS
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
@@ -283,7 +283,7 @@ def surface_of(
 
 def check_outputs(scene: Scene) -> None:
     """Raises `ValueError` for an optional output that contacts of this kind do not have."""
-    surface, numbers = scene.surface_at(scene.first), observables_in(RESULTS[scene.kind])
+    surface, numbers = scene.surface_at(scene.first), observables_in(KINDS[scene.kind])
     known = {need for number in numbers.values() for need in number.needs}
     if surface.grid.ndim == 1 or not surface.periodic:
         known -= {"flow"}
