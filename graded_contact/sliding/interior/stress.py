@@ -1,7 +1,5 @@
 """The stress in the block under the pressure and the traction of a contact."""
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -87,24 +85,21 @@ def _stress(sliding: Sliding, depths: Array, side: Side):
 STRESSES = ("tension", "von_mises", "interface_shear")
 
 
-def largest_stress(
-    name: str, found: Sliding, depths: Sequence[float] | None = None
-) -> tuple[Array, Array]:
+def largest_stress(name: str, found: Sliding) -> tuple[Array, Array]:
     """Returns the largest stress [Pa] in a block under a contact, and its depth [m].
+
+    Of the surface, three depths in each layer, and both sides of all interfaces. The shear between
+    layers is at interfaces.
 
     **Arguments:**
 
     - `name`: of `STRESSES`.
     - `found`: the contact.
-    - `depths`: z [m]; None for the surface, three depths in each layer, and all interfaces. The
-      shear between layers is always at interfaces.
     """
     stack = found.bodies[0]
     faces = interface_depths(stack)
     if name == "interface_shear":
         name, above, below = "shear", faces, faces[:0]
-    elif depths is not None:
-        above = below = as_float(depths, "depths")
     else:
         whole = jnp.diff(faces, prepend=0.0)
         above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
