@@ -214,12 +214,7 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
 @derivative_apart
 @compiled
 def _solution(
-    inputs: Inputs,
-    finds_unstable: bool,
-    throw: bool,
-    found: SolverOutput,
-    rtol,
-    close,
+    inputs: Inputs, finds_unstable: bool, throw: bool, found: SolverOutput, rtol, close
 ) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
     operator = inputs.operator

@@ -10,17 +10,15 @@ from bokeh.plotting import figure
 from contourpy import contour_generator
 
 from ..core.display import unit_of
-from ..plot import COLOURS, plot_cycle, plot_film, plot_sliding, plot_transient
+from ..plot import plot_cycle, plot_film, plot_sliding, plot_transient
 from ..plot.contact import LOOKS, level_of
 from ..plot.sweeps import title_of
 from ..surfaces import Surface
 from .curves import Curve, Curves
 
 WIDTHS: dict[str, Any] = {"sizing_mode": "stretch_width", "min_width": 280}
-BAR = 22  # pixels
 SHOWN_SHARE = 0.995  # of the points within a scale of colours
 FINEST = 256  # points of a map along an edge
-MOST_BARS = 12
 
 
 def new_figure(title: str, x: str, y: str, **more: Any) -> Any:
@@ -53,12 +51,9 @@ class Lines:
 
     def show(self, curve: Curve, pinned: Curve | None) -> None:
         """Draws the curve, and the pinned one if there is one."""
-        self.curve.data = {"x": curve.velocity, "y": getattr(curve, self.name)}
-        there = pinned is not None
-        self.pinned.data = {
-            "x": pinned.velocity if there else [],
-            "y": getattr(pinned, self.name) if there else [],
-        }
+        for drawn, one in ((self.curve, curve), (self.pinned, pinned)):
+            x, y = ([], []) if one is None else (one.velocity, getattr(one, self.name))
+            drawn.data = {"x": x, "y": y}
 
 
 class Map:
@@ -119,24 +114,6 @@ class Maps:
         self.maps["heights"].show_outline(level)
         self.maps["pressure"].show(np.where(touches, pressure, np.nan))
         self.maps["gap"].show(gap if np.all(touches) else np.where(touches, np.nan, gap))
-
-
-class Bars:
-    """Bars: the change of a number by +1 % of each of the others."""
-
-    def __init__(self, of: str):
-        self.names = bokeh.FactorRange()
-        title = f"change of the {title_of(of)}\nby +1 % of each number [%]"
-        self.figure = new_figure(title, "", "", y_range=self.names)
-        self.source = source("name", "change")
-        self.figure.hbar("name", right="change", source=self.source, height=0.6, color=COLOURS[0])
-
-    def show(self, change: dict[str, float]) -> None:
-        """Draws the largest changes."""
-        names = list(change)[:MOST_BARS]
-        self.names.factors = names[::-1]
-        self.figure.height = 90 + BAR * len(names)
-        self.source.data = {"name": names, "change": [change[name] for name in names]}
 
 
 def pictures_of(curves: Curves, found: Any) -> list[pn.pane.Matplotlib]:

@@ -37,8 +37,8 @@ class Number(NamedTuple):
     - `place`: keys in the scene file.
     - `group`, `label`: where and how the page shows it.
     - `unit`, `factor`: in which the page shows it, and 1 SI in it.
-    - `value`, `low`, `high`: in the scene, and the range of its slider [SI].
-    - `logarithmic`: whether the slider is.
+    - `value`, `low`, `high`: in the scene, and the range of its slider [SI]; logarithmic if
+      it is positive.
     """
 
     paths: tuple[str, ...]
@@ -50,7 +50,6 @@ class Number(NamedTuple):
     value: float
     low: float
     high: float
-    logarithmic: bool
 
     @property
     def title(self) -> str:
@@ -60,7 +59,7 @@ class Number(NamedTuple):
     def at(self, step: int) -> float:
         """Returns the number [SI] at a step of the slider, to four digits in the shown unit."""
         share = step / STEPS
-        if self.logarithmic:
+        if self.low > 0:
             value = self.low * (self.high / self.low) ** share
         else:
             value = self.low + (self.high - self.low) * share
@@ -68,7 +67,7 @@ class Number(NamedTuple):
 
     def step_of(self, value: float) -> int:
         """Returns the nearest step of the slider; an end of it for a number beyond."""
-        scale = np.log if self.logarithmic else float
+        scale = np.log if self.low > 0 else float
         low, high, at = map(scale, (self.low, self.high, np.clip(value, self.low, self.high)))
         return round(STEPS * (at - low) / (high - low))
 
@@ -131,23 +130,23 @@ def number_at(place: Place, names: tuple[str, ...], value: float) -> Number:
         group = str(place[1])
         words = str(place[2]) if quantity is None else quantity.meaning
         label = f"{group}: {words}" + (f" {int(entry[2]) + 1}" if entry else "")
-    low, high, logarithmic = range_of(name, unit, value)
+    low, high = range_of(name, unit, value)
     if unit in ("m", "Pa", "s"):
         unit, factor = unit_of(unit, abs(value))
     group += ": more" if entry else ""
-    return Number(names, place, group, label, unit, factor, value, low, high, logarithmic)
+    return Number(names, place, group, label, unit, factor, value, low, high)
 
 
-def range_of(name: str, unit: str, value: float) -> tuple[float, float, bool]:
-    """Returns the ends of a slider, and whether it is logarithmic."""
+def range_of(name: str, unit: str, value: float) -> tuple[float, float]:
+    """Returns the ends of a slider."""
     if unit == "K":
-        return value - KELVINS, value + KELVINS, False
+        return value - KELVINS, value + KELVINS
     if name.endswith("poisson"):
-        return 0.0, 0.5, False
+        return 0.0, 0.5
     if value < 0:
-        return 2 * value, 0.0, False
+        return 2 * value, 0.0
     factor = FACTOR_OF_VELOCITY if name == "velocity" else FACTOR
-    return value / factor, value * factor, True
+    return value / factor, value * factor
 
 
 def save(scene: Scene, values: Mapping[str, float], path: Path) -> None:

@@ -7,7 +7,6 @@ slider ──> update ──> curve ──> contact ──> errors and warnings 
 import asyncio
 import html
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,10 +20,11 @@ from ..plot import COLOURS
 from ..plot.sweeps import title_of
 from ..scenes.scene import Scene, read_scene
 from .curves import SHOWN, Curves
-from .figures import WIDTHS, Bars, Lines, Maps, pictures_of
+from .figures import WIDTHS, Lines, Maps, pictures_of
 from .numbers import STEPS, Number, save
 
 DEMO = Path(__file__).parents[1] / "scenes" / "demo.toml"
+MOST_CHANGES = 12  # of the largest derivatives
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 # The numbers stay in sight; on a phone the curves stand above the sliders, the maps below.
 GRID = """
@@ -52,44 +52,30 @@ span {display: block; font-size: 11px; color: #5b616b} p {font-size: 12px; line-
 
 
 class Slider(pn.viewable.Viewer):
-    """A slider of one number with a field for an exact one; `value` is in SI.
-
-    **Arguments:**
-
-    - `number`: that it varies.
-    - `check`: raises `ValueError` for a value that is refused.
-    """
+    """A slider of one number with a field for an exact one; `value` is in SI."""
 
     value = param.Number()
 
-    def __init__(self, number: Number, check: Callable[[float], None]):
+    def __init__(self, number: Number):
         super().__init__(value=number.value)
-        self.number, self._check = number, check
+        self.number = number
         self._slider = pn.widgets.IntSlider(
             label=number.title, start=0, end=STEPS, show_value=False, **WIDE
         )
         self.field = pn.widgets.FloatInput(width=94, margin=(12, 0, 0, 8))
-        self.refusal = pn.pane.HTML(visible=False, stylesheets=[TEXT], **WIDE)
         self._show()
         self._slider.param.watch(lambda event: self._slid(event.new), "value")
         self.field.param.watch(lambda event: self._typed(event.new), "value")
         self.param.watch(lambda _: self._show(), "value")
 
     def __panel__(self) -> Any:
-        return pn.Column(pn.Row(self._slider, self.field, **WIDE), self.refusal, **WIDE)
+        return pn.Row(self._slider, self.field, **WIDE)
 
     def _typed(self, shown: float | None) -> None:
-        """Takes the number of the field, or says why not; the field then keeps it."""
         if shown is None or shown == self.number.shown(self.value):
             self._show()
-            return
-        value = shown / self.number.factor
-        try:
-            self._check(value)
-        except ValueError as error:
-            self.refusal.param.update(object=paragraph(error, "refused"), visible=True)
         else:
-            self.value = value
+            self.value = shown / self.number.factor
 
     def _slid(self, step: int) -> None:
         if step != self.number.step_of(self.value):
@@ -98,7 +84,6 @@ class Slider(pn.viewable.Viewer):
     def _show(self) -> None:
         self._slider.value = self.number.step_of(self.value)
         self.field.value = self.number.shown(self.value)
-        self.refusal.visible = False
 
 
 class Page(pn.viewable.Viewer):
@@ -125,21 +110,16 @@ class Page(pn.viewable.Viewer):
         self.numbers: dict[str, tuple[float, float]] = {}
         self.warnings, self._drawn = [], []
         self._call, self._turn = 0, asyncio.Lock()
-        self.sliders = {
-            name: Slider(number, lambda value, name=name: self._check(name, value))
-            for name, number in curves.numbers.items()
-        }
-        self._head, self._said, self.saved = (
-            pn.pane.HTML(stylesheets=[TEXT], **WIDE) for _ in range(3)
+        self.sliders = {name: Slider(number) for name, number in curves.numbers.items()}
+        self._head, self._said, self._matters, self.saved = (
+            pn.pane.HTML(stylesheets=[TEXT], **WIDE) for _ in range(4)
         )
         self._busy = pn.indicators.LoadingSpinner(size=18, value=True, margin=(2, 8))
         named = zip(("friction", "contact_area"), COLOURS, strict=False)
         self._lines = [Lines(*line) for line in named] if curves.has_curve else []
         steady_maps = curves.kind == "steady" and curves.surface.grid.ndim == 2
         self._maps = Maps(curves.surface) if steady_maps else None
-        self._pictures, self._bars_place = pn.Column(**WIDE), pn.Column(**WIDE)
-        self._bars = Bars(SHOWN[curves.kind][0])
-        self._bars_pane = pn.pane.Bokeh(self._bars.figure, **WIDE)
+        self._pictures = pn.Column(**WIDE)
         self.pin = pn.widgets.Toggle(label="Pin to compare", **WIDE)
         self.ask = pn.widgets.Toggle(label="What matters here?", **WIDE)
         self.file_name = pn.widgets.TextInput(label="Save as", value="explored.toml", **WIDE)
@@ -171,7 +151,7 @@ class Page(pn.viewable.Viewer):
             "head": (title, self._head, self._busy),
             "curves": (self._said, side_by_side(self._lines)),
             "side": (*cards, *below),
-            "maps": (side_by_side(maps), self._pictures, self._bars_place),
+            "maps": (side_by_side(maps), self._pictures, self._matters),
         }
         parts = [pn.Column(*some, css_classes=[name], **WIDE) for name, some in areas.items()]
         return pn.Column(*parts, stylesheets=[GRID], **WIDE)
@@ -180,9 +160,6 @@ class Page(pn.viewable.Viewer):
     def values(self) -> dict[str, float]:
         """The values of the sliders [SI]."""
         return {name: slider.value for name, slider in self.sliders.items()}
-
-    def _check(self, name: str, value: float) -> None:
-        self.curves.case(self.values | {name: value})
 
     async def update(self, *_: Any) -> None:
         """Computes curve and contact; a later call ends this one between two stages."""
@@ -211,6 +188,7 @@ class Page(pn.viewable.Viewer):
     # The stages compute in a thread; the page then shows their results.
 
     def _compute_curve(self, values: dict[str, float]) -> None:
+        self.curves.case(values)  # refuses what no body has
         self.curve = self.curves.curve(values)
 
     def _compute_contact(self, values: dict[str, float]) -> None:
@@ -254,8 +232,10 @@ class Page(pn.viewable.Viewer):
         self._said.object = "".join(paragraph(f"Warning: {text}") for text in self.warnings)
 
     def _show_change(self) -> None:
-        self._bars_place[:] = [] if self.change is None else [self._bars_pane]
-        self._bars.show(self.change or {})
+        name = title_of(SHOWN[self.curves.kind][0])
+        rows = [f"{percent:+.2f} %: {label}" for label, percent in (self.change or {}).items()]
+        head = [f"Change of the {name} by +1 % of each number:"] if rows else []
+        self._matters.object = "".join(map(paragraph, head + rows[:MOST_CHANGES]))
 
     def _pin(self, pinned: bool) -> None:
         self.pinned = (self.curve, self.numbers) if pinned else None

@@ -12,14 +12,7 @@ from ..core.checks import as_float
 from ..core.display import unit_of
 from ..sliding.result import Sliding
 from ..surfaces.surface import Surface
-from .style import (
-    COLOURS,
-    PAGE,
-    PRESSURES,
-    figure_of,
-    finished,
-    panels,
-)
+from .style import COLOURS, PAGE, PRESSURES, figure_of, finished, panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,24 +167,14 @@ def _draw_outline(axes: "Axes", level: np.ndarray, size: np.ndarray) -> None:
 def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
     """Draws an arrow along the velocity, one component or two, in the upper part of a panel."""
     from matplotlib.patheffects import withStroke
-    from matplotlib.text import OffsetFrom
 
     speed = np.linalg.norm(velocity)
     if speed == 0:
         return
     along = np.pad(velocity / speed, (0, 2 - len(velocity)))
-    # Distances in points: an arrow in the units of the axes would be oblique.
-    around = OffsetFrom(axes, (0.5, 0.84), "points")
     halo = [withStroke(linewidth=4, foreground="white")]
-    axes.annotate(
-        "sliding",
-        tuple(30 * along),
-        xycoords=around,
-        xytext=tuple(-14 * along),
-        textcoords=around,
-        ha="center",
-        va="center",
-        path_effects=halo,
-        zorder=5,
-        arrowprops={"arrowstyle": "-|>", "color": "black", "path_effects": halo},
-    )
+    arrow = {"arrowstyle": "-|>", "color": "black", "path_effects": halo}
+    middle: Any = {"ha": "center", "va": "center", "path_effects": halo, "zorder": 5}
+    # Its length in points: an arrow in the units of the axes would be oblique.
+    ends, units = ((0.5, 0.84), tuple(-44 * along)), ("axes fraction", "offset points")
+    axes.annotate("sliding", *ends, *units, arrowprops=arrow, **middle)

@@ -62,10 +62,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset", *, axes: Any = None) -> "Figure
 
 
 def plot_transient(
-    transient: "TransientSliding | Dataset",
-    names: Sequence[str] | None = None,
-    *,
-    axes: Any = None,
+    transient: "TransientSliding | Dataset", names: Sequence[str] | None = None, *, axes: Any = None
 ) -> "Figure":
     """Returns a figure of friction, contact area, load and mean gap over time.
 

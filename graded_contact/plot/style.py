@@ -27,7 +27,6 @@ LETTERS_PER_INCH = 15  # of a title
 PRESSURES, TEMPERATURES = "viridis", "plasma"
 STYLE = {
     "axes.grid": True,
-    "axes.axisbelow": True,
     "axes.labelsize": 8,
     "axes.linewidth": 0.6,
     "axes.prop_cycle": f"cycler(color={list(COLOURS)})",
@@ -41,7 +40,6 @@ STYLE = {
     "font.size": 8,
     "grid.color": "0.92",
     "grid.linewidth": 0.6,
-    "image.cmap": PRESSURES,
     "image.interpolation": "nearest",
     "legend.fontsize": 7,
     "legend.frameon": False,
@@ -51,11 +49,7 @@ STYLE = {
     "ps.fonttype": 42,
     "svg.hashsalt": "graded_contact",  # the same figure is the same file
     "xtick.labelsize": 7,
-    "xtick.major.width": 0.6,
-    "xtick.minor.width": 0.4,
     "ytick.labelsize": 7,
-    "ytick.major.width": 0.6,
-    "ytick.minor.width": 0.4,
 }
 
 
@@ -113,10 +107,9 @@ def mosaic_of(count: int, columns: int) -> str:
 
 
 def entitle(figure: "Figure", text: str) -> None:
-    """Puts a title above a figure, and above an earlier one."""
-    titles = "\n".join(filter(None, (text, figure.get_suptitle()))).splitlines()
+    """Puts a title above a figure, unless it has one."""
     width = round(LETTERS_PER_INCH * figure.get_figwidth())
-    figure.suptitle("\n".join(textwrap.fill(title, width) for title in titles), fontsize=8)
+    figure.suptitle(figure.get_suptitle() or textwrap.fill(text, width))
 
 
 def _letter_panels(figure: "Figure") -> None:

@@ -12,14 +12,7 @@ from jaxtyping import Array, Float, Inexact
 from ..blocks.profile import check_profile
 from ..blocks.stack import GradedLayer, Stack, check_at_rest, is_graded
 from ..blocks.tolerance import REFUSED_BELOW, AbstractGradedSolver
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_tolerance,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, as_numbers, check_tolerance, check_values, is_concrete
 from ..fields.frequency import as_velocity
 from ..fields.grid import Grid
 from .layering import Layering

@@ -23,13 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..blocks.stack import HalfSpace, Stack, interface_depths
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, as_numbers, check_values, is_concrete
 from ..core.compilation import compiled
 from ..core.display import shown
 from ..fields.frequency import sliding_frequency

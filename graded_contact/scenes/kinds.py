@@ -28,15 +28,7 @@ from ..materials.shift import LAWS
 from ..readers import read_moduli, read_surface
 from ..readers.series import read_motion, read_over_time
 from ..response import Layering, Riccati
-from ..sliding import (
-    Motion,
-    dwell,
-    ramp,
-    recorded,
-    sinusoidal,
-    start,
-    start_stop,
-)
+from ..sliding import Motion, dwell, ramp, recorded, sinusoidal, start, start_stop
 from ..surfaces import SelfAffine, Surface, random_surface
 from .builder import Builder, with_keys_of
 
@@ -45,10 +37,7 @@ DrawSurface = Callable[[ArrayLike], Surface]  # from a seed
 
 @with_keys_of(read_moduli)
 def tabulated(
-    path: os.PathLike,
-    poisson: float = 0.5,
-    shift: AbstractShift | None = None,
-    **reading: Any,
+    path: os.PathLike, poisson: float = 0.5, shift: AbstractShift | None = None, **reading: Any
 ) -> Tabulated:
     """Returns the material of a table of moduli over frequency, see `read_moduli`."""
     found = read_moduli(path, poisson=poisson, **reading)
@@ -100,12 +89,7 @@ MATERIALS = {
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
 SURFACES = {"self_affine": self_affine, "sphere": sphere, "file": read_surface}
 CYCLES = {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion}
-TRANSIENTS = {
-    "start": start,
-    "ramp": ramp,
-    "dwell": dwell,
-    "recorded": read_transient,
-}
+TRANSIENTS = {"start": start, "ramp": ramp, "dwell": dwell, "recorded": read_transient}
 CONTACT_LAWS = {
     "hard_wall": HardWall,
     "repulsive_lj": RepulsiveLJ,

@@ -19,10 +19,9 @@ class Observe:
       of their resistivities [1/m]. Over the sum of 1/λ it is the thermal conductance.
     - `flow`: true for the conductance of the gap for a thin fluid along x and along y [m³].
     - `tension`, `von_mises`: true for the largest principal stress and the largest von Mises stress
-      in the block [Pa], with their depths [m]; of the points of the grid, without an error.
+      in the block [Pa], with their depths [m]: at the surface, at a quarter, half and all of each
+      layer, and just below it; of the points of the grid, without an error.
     - `interface_shear`: true for the largest shear stress between layers [Pa], with its depth.
-    - `stress_depths`: where tension and von Mises stress are computed [m]; by default the surface,
-      and in each layer a quarter, half and all of its thickness, and just below it.
     """
 
     stiffness: bool = False
@@ -31,17 +30,15 @@ class Observe:
     tension: bool = False
     von_mises: bool = False
     interface_shear: bool = False
-    stress_depths: tuple[float, ...] | None = None
 
     def __post_init__(self):
         for name, value in vars(self).items():
-            if name != "stress_depths":
-                check_type(name, value, bool)
+            check_type(name, value, bool)
 
     @property
     def asked(self) -> tuple[str, ...]:
         """The names of the outputs that are true."""
-        return tuple(name for name, value in vars(self).items() if value is True)
+        return tuple(name for name, value in vars(self).items() if value)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -62,7 +62,8 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
 
 def frames_of(scene: Scene) -> tuple[int, ...]:
     """Returns the numbers of the steps of a transient motion with fields, the last among them."""
-    assert scene.motion is not None
+    if scene.motion is None or scene.motion.repeats:
+        return (-1,)
     last = scene.motion.num_times - 1
     count = min(scene.output.frames, last + 1)
     return tuple(last - (last * i) // max(count - 1, 1) for i in reversed(range(count)))
@@ -70,24 +71,22 @@ def frames_of(scene: Scene) -> tuple[int, ...]:
 
 def numbers_at(scene: Scene, point: dict[str, Any]) -> dict[str, Any]:
     """Returns numbers and fields of the contact of a scene at a point, and how the solve ended."""
-    case, motion = scene.case(point), scene.motion
-    transient = motion if scene.kind == "transient" else None
-    frames = (-1,) if transient is None else frames_of(scene)
+    case, motion, frames = scene.case(point), scene.motion, frames_of(scene)
     contact: Any = slide_case(case, scene.numerics, fields_at=frames)
     asked = {*scene.observe.asked, *([] if scene.fluid is None else ["flow"])}
     names = [n for n in numbers_of(type(contact), contact.facts | asked) if n not in scene.axes]
     found = dict(zip(names, contact.compute(*names), strict=True))
     for name in asked.intersection(STRESSES):
-        stress, depth = largest_stress(name, contact, scene.observe.stress_depths)
+        stress, depth = largest_stress(name, contact)
         found |= {name: stress, f"{name}_depth": depth}
     if motion is not None:
         found = {name: _along_motion(name, number, point) for name, number in found.items()}
         if motion.repeats:
             found["period"] = case.period
-    if transient is not None and "flow" in asked:
-        unknown = jnp.full(transient.num_times, jnp.nan)
-        flows = [name for name in found if name.startswith(FLOWS)]
-        found |= {name: unknown.at[np.array(frames)].set(found[name]) for name in flows}
+        else:  # the flow is known at some times
+            unknown = jnp.full(motion.num_times, jnp.nan)
+            flows = [name for name in found if name.startswith(FLOWS)]
+            found |= {name: unknown.at[np.array(frames)].set(found[name]) for name in flows}
     if scene.fluid is not None:
         found |= _leakages(scene, found, case.surface.grid)
     if scene.output.fields is not None:

@@ -57,23 +57,10 @@ from .loads import (
 from .outputs import Observe, Output
 
 NEEDED = ("surface", "materials", "base", "load")
-TABLES = (
-    *NEEDED,
-    "title",
-    "grid",
-    "block_surface",
-    "layers",
-    "counterface",
-    "sweep",
-    "motion",
-    "law",
-    "shear",
-    "heating",
-    "fluid",
-    "observe",
-    "solver",
-    "output",
-)
+OF_BODIES = ("grid", "block_surface", "layers", "counterface")
+OF_LAWS = ("law", "shear", "heating", "fluid")
+OF_RUNS = ("title", "sweep", "motion", "observe", "solver", "output")
+TABLES = (*NEEDED, *OF_BODIES, *OF_LAWS, *OF_RUNS)
 
 
 @shown("title", "bodies", "axes", "motion", "options", "fluid", "observe", unset=False)

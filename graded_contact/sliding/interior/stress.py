@@ -1,7 +1,5 @@
 """The stress in the block under the pressure and the traction of a contact."""
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +8,7 @@ from jaxtyping import Array, Float
 from ...blocks.stack import interface_depths
 from ...core.checks import Numbers, as_float, check_rows
 from ...core.compilation import compiled
-from ...core.derivative import derivative_apart, largest
+from ...core.derivative import derivative_apart, largest, root_or_zero
 from ...core.display import shown
 from ...response.downwards import Side
 from ...response.stress import checked_depth, stress_field, von_mises
@@ -48,7 +46,7 @@ class ContactStress(eqx.Module):
     def shear(self) -> Float[Array, "depths *shape"]:
         """The shear stress in the plane z = constant [Pa], which slides a layer off another."""
         squared = self.stress[..., 0, 2] ** 2 + self.stress[..., 1, 2] ** 2
-        return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+        return root_or_zero(squared)
 
 
 def contact_stress(sliding: Sliding, depths: Numbers, *, side: Side = "below") -> ContactStress:
@@ -87,24 +85,21 @@ def _stress(sliding: Sliding, depths: Array, side: Side):
 STRESSES = ("tension", "von_mises", "interface_shear")
 
 
-def largest_stress(
-    name: str, found: Sliding, depths: Sequence[float] | None = None
-) -> tuple[Array, Array]:
+def largest_stress(name: str, found: Sliding) -> tuple[Array, Array]:
     """Returns the largest stress [Pa] in a block under a contact, and its depth [m].
+
+    Of the surface, three depths in each layer, and both sides of all interfaces. The shear between
+    layers is at interfaces.
 
     **Arguments:**
 
     - `name`: of `STRESSES`.
     - `found`: the contact.
-    - `depths`: z [m]; None for the surface, three depths in each layer, and all interfaces. The
-      shear between layers is always at interfaces.
     """
     stack = found.bodies[0]
     faces = interface_depths(stack)
     if name == "interface_shear":
         name, above, below = "shear", faces, faces[:0]
-    elif depths is not None:
-        above = below = as_float(depths, "depths")
     else:
         whole = jnp.diff(faces, prepend=0.0)
         above = jnp.ravel(faces - jnp.array([[0.75], [0.5], [0.0]]) * whole)
