@@ -40,6 +40,12 @@ def largest(numbers: Array) -> Array:
     return top + jnp.sum(jnp.where(near, numbers - fixed, 0)) / jnp.sum(near)
 
 
+def root_or_zero(square: Array) -> Array:
+    """Returns the square root, with the derivative 0 at 0; below 0 it is 0."""
+    positive = square > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)
+
+
 def derivative_apart(function: F) -> F:
     """Returns a function whose first derivative outside `jit` is compiled separately.
 

@@ -78,6 +78,11 @@ def available_memory() -> float | None:
         known = jax.local_devices()[0].memory_stats() or {}
         most = known.get("bytes_limit")
         return None if most is None else most - known.get("bytes_in_use", 0)
+    return free_memory()
+
+
+def free_memory() -> float | None:
+    """Returns the free memory [bytes] of this process, or None if unknown."""
     known = [*_of_machine(), *_of_groups()]
     return max(min(known), 0) if known else None
 

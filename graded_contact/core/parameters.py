@@ -25,17 +25,11 @@ def paths(tree: object) -> dict[str, jax.Array]:
     **Returns:** arrays by path.
     """
     found = {}
-    for name, leaf in arrays(tree).items():
-        found[name] = leaf
+    for path, leaf in jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array)):
+        found[name := _name(path)] = leaf
         if leaf.ndim == 1:
             found |= {f"{name}[{i}]": leaf[i] for i in range(len(leaf))}
     return found
-
-
-def arrays(tree: object) -> dict[str, jax.Array]:
-    """Returns all numbers and arrays in `tree` by their path, without single entries."""
-    leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array))
-    return {_name(path): leaf for path, leaf in leaves}
 
 
 def with_values(tree: T, values: Mapping[str, Numbers]) -> T:

@@ -32,25 +32,21 @@ SETTLED = 0.7  # times the error before: the number of terms then shows
 def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
     """Returns two sets of unknowns of the shifts."""
     steps, paired = _by_overlap(series, isotherms)
-    law = _nearest_law(isotherms, steps, np.where(paired, 1, UNSEEN))
     fitted = _by_spectra(series, isotherms)
-    by_spectra = _nearest_law(isotherms, fitted, np.ones(len(fitted)))
     return [
-        _unknowns(isotherms, law, _summed_steps(isotherms, steps)),
-        _unknowns(isotherms, by_spectra, _summed_steps(isotherms, fitted)),
+        _unknowns(isotherms, steps, np.where(paired, 1, UNSEEN)),
+        _unknowns(isotherms, fitted, np.ones(len(fitted))),
     ]
 
 
-def _unknowns(isotherms, law, log_shift):
+def _unknowns(isotherms, steps, weights):
+    """The unknowns of the distances in ln a from each isotherm to the next hotter one."""
+    law = _nearest_law(isotherms, steps, weights)
+    log_shift = -np.cumsum([0.0, *steps])
+    log_shift = log_shift - log_shift[isotherms.reference]
     _, departures, lifts = isotherms.counts
     apart = isotherms.others[:departures] @ (log_shift - law_shifts(isotherms, law))
     return np.concatenate([law, apart, np.zeros(lifts)])
-
-
-def _summed_steps(isotherms, steps):
-    """ln a of each isotherm, of those from each to the next hotter one."""
-    log_shift = -np.cumsum([0.0, *steps])
-    return log_shift - log_shift[isotherms.reference]
 
 
 def _nearest_law(isotherms, steps, weights):

@@ -29,6 +29,7 @@ from numpy.polynomial import chebyshev
 
 from ..blocks.stack import Stack
 from ..core.compilation import compiled
+from ..core.derivative import root_or_zero
 from ..fields.frequency import direction_and_speed, sliding_frequency
 from ..materials.coverage import coverage, is_unknown
 from ..materials.softening import at_strain, softens
@@ -92,9 +93,7 @@ def integrate(
     strain = None
     if field.strain_per_slope is not None:
         rate = 2 * np.pi * (root_density(field.spectrum, q, mean=True) * q**2) ** 2
-        square = _integral(rate, lengths, rule)
-        slope = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
-        strain = field.strain_per_slope * slope
+        strain = field.strain_per_slope * root_or_zero(_integral(rate, lengths, rule))
     temperature = None if temperatures is None else between_scales(temperatures, q)
     along, offset, weights = _angles(turn, num_angles, q.dtype)
     rates = _rates_of_waves(field, speed, q, (strain, temperature), (along, offset))

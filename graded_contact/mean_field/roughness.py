@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core.derivative import root_or_zero
 from ..surfaces.spectrum import SelfAffine, narrowing
 from ..surfaces.spectrum_table import Spectrum
 
@@ -45,8 +46,7 @@ def root_density(
         density = spectrum.density(q)
     else:
         density = spectrum.density(q, 2, spectrum.angle + np.pi / 2)
-    # The derivative of the root at 0 is infinite.
-    return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
+    return root_or_zero(density)
 
 
 def root_narrowing(spectrum: Spectrum, q: Array, offset: Array) -> Array:

@@ -29,7 +29,6 @@ from .layouts import (
 from .source import Layout, NotPlain, Source, damage_named
 from .units import OFFSETS, UNITS, parse_unit, split_heading
 
-TABLE_BYTES = 200_000_000
 _SHOWN = 3  # lines of a table in a message
 _WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 _EMPTY = ("", "-", "nan", "n/a", "na")
@@ -123,7 +122,7 @@ def read_table(source: Source) -> DataTable:
     layout = source.options.get("layout", {})
     if unknown := sorted(set(layout) - set(LAYOUT)):
         raise ValueError(f"`layout` has {unknown}: use {list(LAYOUT)}.")
-    content = read_file(source.path, TABLE_BYTES)
+    content = read_file(source.path)
     header, lines, named = layout.get("header", 0), {}, []
     if content.startswith(_WORKBOOKS):
         rows = _rows_of_book(source, content, layout)

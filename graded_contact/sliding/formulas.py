@@ -23,7 +23,7 @@ from jaxtyping import Array
 
 from ..contacts import area
 from ..contacts.operators.operator import nonzero
-from ..core.derivative import largest
+from ..core.derivative import largest, root_or_zero
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, derivative, odd_wavevector
 from .bodies import lags
@@ -268,17 +268,12 @@ def weighted_slope(pressure: Array, displacement: Array, cell: Grid) -> Array:
     """The rms slope weighted by |pressure|; 0 without contact."""
     squared = sum(derivative(displacement, cell, axis) ** 2 for axis in range(cell.ndim))
     weight = jnp.abs(pressure)  # with adhesion some pressures are negative
-    return _root(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
-
-
-def _root(squared: Array) -> Array:
-    """The square root, with the derivative 0 at 0."""
-    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+    return root_or_zero(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
 
 
 def lengths(vectors: Array) -> Array:
     """The lengths of vectors on the second axis, with the derivative 0 at 0."""
-    return _root(jnp.sum(vectors**2, axis=1))
+    return root_or_zero(jnp.sum(vectors**2, axis=1))
 
 
 def rests(found: Found) -> Array:

@@ -214,9 +214,7 @@ def solver(program: Program) -> Callable[[Numbers], Point]:
         except RuntimeError as error:  # `eqx.error_if` raises through XLA
             if "RESOURCE_EXHAUSTED" in str(error):  # no fault of the point's
                 raise
-            # Equinox puts a stack before the message, and advice on debugging after it.
-            reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
-            return {"message": np.asarray(FAILED + reason)}
+            return {"message": np.asarray(FAILED + str(error).strip())}
         values, end = jax.tree.unflatten(jax.tree.structure(program.like), found)
         message = "" if end == RESULTS.successful else RESULTS[end]
         return values | {"message": np.asarray(message)}

@@ -11,6 +11,7 @@ from ..core.checks import (
     check_increasing,
     check_positive,
     check_rows,
+    numbers,
 )
 from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
@@ -33,25 +34,17 @@ class SpectrumTable(eqx.Module):
     - `warnings`: sentences on what makes it doubtful, for surfaces drawn from it. Static.
     """
 
-    q: Float[Array, " points"]
-    values: Float[Array, " points"]
-    history: tuple[str, ...] = eqx.field(static=True)
-    warnings: tuple[str, ...] = eqx.field(static=True)
+    q: Float[Array, " points"] = eqx.field(converter=numbers("q"))
+    values: Float[Array, " points"] = eqx.field(converter=numbers("values"))
+    history: tuple[str, ...] = eqx.field(static=True, default=())
+    warnings: tuple[str, ...] = eqx.field(static=True, default=())
     angle = None  # without a lay
 
-    def __init__(
-        self,
-        q: Numbers,
-        values: Numbers,
-        history: tuple[str, ...] = (),
-        warnings: tuple[str, ...] = (),
-    ):
-        self.q, self.values = as_float(q, "q"), as_float(values, "values")
+    def __check_init__(self):
         check_rows(2, q=self.q, values=self.values)
         check_positive("q", self.q, "[rad/m]")
         check_increasing("q", self.q)
         check_positive("values", self.values, "[m⁴]")
-        self.history, self.warnings = history, warnings
 
     @classmethod
     def from_line(cls, q: Numbers, line: Numbers, **said: tuple[str, ...]) -> "SpectrumTable":

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from ..core.checks import check_whole
 from ..core.compilation import compiled
+from ..core.derivative import root_or_zero
 from ..core.display import shown
 from ..fields.devices import binned
 from ..fields.grid import (
@@ -71,12 +72,12 @@ def statistics(surface: Surface) -> Statistics:
     if grid.ndim == 2:
         ratio, lay = _principal(along, jnp.sum(slopes[0] * slopes[1] * power))
     return Statistics(
-        rms_height=scale * _root_or_zero(jnp.sum(power)),
-        rms_slope=scale * unit * _root_or_zero(jnp.sum(along)),
-        rms_slope_along=scale * unit * _root_or_zero(along),
+        rms_height=scale * root_or_zero(jnp.sum(power)),
+        rms_slope=scale * unit * root_or_zero(jnp.sum(along)),
+        rms_slope_along=scale * unit * root_or_zero(along),
         slope_ratio=ratio,
         lay=lay,
-        rms_curvature=scale * unit * unit * _root_or_zero(bent) / grid.ndim,
+        rms_curvature=scale * unit * unit * root_or_zero(bent) / grid.ndim,
     )
 
 
@@ -101,11 +102,6 @@ def _modal_power(surface: Surface) -> tuple[Array, Array]:
     scale = jnp.where(peak == 0, 1, peak)
     modes = to_spectrum(heights / scale) / np.prod(surface.grid.shape)
     return (modes.real**2 + modes.imag**2) * multiplicity(surface.grid.shape), scale
-
-
-def _root_or_zero(square: Array) -> Array:
-    """The square root, with derivative 0 at 0."""
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
 
 
 @compiled
@@ -175,4 +171,4 @@ def slope_up_to(surface: Surface) -> tuple[Float[Array, " rings"], Float[Array, 
     edges, ring = rings(grid)
     x = jnp.where(nyquist_lines(grid.shape), 0, wavenumber(grid) / edges[0])
     squares = jnp.cumsum(binned(ring, x**2 * power, len(edges)))
-    return edges, scale * edges[0] * _root_or_zero(squares)
+    return edges, scale * edges[0] * root_or_zero(squares)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from ...blocks.stack import interface_depths
 from ...core.checks import Numbers, as_float, check_rows
 from ...core.compilation import compiled
-from ...core.derivative import derivative_apart, largest
+from ...core.derivative import derivative_apart, largest, root_or_zero
 from ...core.display import shown
 from ...response.downwards import Side
 from ...response.stress import checked_depth, stress_field, von_mises
@@ -46,7 +46,7 @@ class ContactStress(eqx.Module):
     def shear(self) -> Float[Array, "depths *shape"]:
         """The shear stress in the plane z = constant [Pa], which slides a layer off another."""
         squared = self.stress[..., 0, 2] ** 2 + self.stress[..., 1, 2] ** 2
-        return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+        return root_or_zero(squared)
 
 
 def contact_stress(sliding: Sliding, depths: Numbers, *, side: Side = "below") -> ContactStress:
