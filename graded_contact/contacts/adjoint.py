@@ -203,6 +203,7 @@ def _in_contact(
         pressed = operator.displace(root * inside)
         return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
+    @eqx.filter_jit  # traced once for both modes
     @one_by_one
     def solve(operator, s, rhs, rtol):
         tau = solve_linear(operator, s, rhs, rtol, free_mean, max_steps)

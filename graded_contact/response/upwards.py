@@ -65,6 +65,7 @@ def met(face: Face, reduced: Array) -> tuple[Array, Compliance]:
     return unit * n, in_units(Compliance(*(unit * part for part in c)), reduced / face.reduced)
 
 
+@jax.jit  # traced once for all layers
 def _add(face: Face, x: Array, reduced: Array, e: Array, known: Any = None) -> Face:
     """The state of the upper face from the state of the lower one; `known` as in `factors`."""
     above, s = face_in(None, reduced, e), factors(x, e, known)
