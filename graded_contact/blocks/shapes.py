@@ -15,12 +15,12 @@ from jaxtyping import Array, Float
 
 from ..core.checks import (
     as_float,
-    check_positive,
     check_rows,
     check_values,
     instance,
     is_concrete,
     numbers,
+    positive,
     scalar,
 )
 from ..core.display import shown
@@ -58,10 +58,6 @@ class Sinusoidal(AbstractShape):
     amplitude: Float[Array, ""] = eqx.field(converter=scalar("amplitude"), default=1.0)
     periods: Float[Array, ""] = eqx.field(converter=scalar("periods"), default=1.0)
 
-    def __check_init__(self):
-        check_values("amplitude", self.amplitude, "it must be finite [1]")
-        check_values("periods", self.periods, "it must be finite [1]")
-
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         return s + self.amplitude * jnp.sin(2 * jnp.pi * self.periods * s)
 
@@ -78,9 +74,6 @@ class Exponential(AbstractShape):
     """
 
     rate: Float[Array, ""] = eqx.field(converter=scalar("rate"))
-
-    def __check_init__(self):
-        check_values("rate", self.rate, "it must be finite [1]")
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         k = jnp.abs(self.rate)
@@ -104,10 +97,7 @@ class PowerLaw(AbstractShape):
       and tight tolerances are out of reach.
     """
 
-    exponent: Float[Array, ""] = eqx.field(converter=scalar("exponent"))
-
-    def __check_init__(self):
-        check_positive("exponent", self.exponent, "[1]")
+    exponent: Float[Array, ""] = eqx.field(converter=positive("exponent", "[1]"))
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         # The derivative of 0^n is not finite, also in a branch that is not taken.
@@ -125,11 +115,7 @@ class ErrorFunction(AbstractShape):
     """
 
     centre: Float[Array, ""] = eqx.field(converter=scalar("centre"), default=0.5)
-    width: Float[Array, ""] = eqx.field(converter=scalar("width"), default=0.1)
-
-    def __check_init__(self):
-        check_values("centre", self.centre, "it must be finite [1]")
-        check_positive("width", self.width, "[1]")
+    width: Float[Array, ""] = eqx.field(converter=positive("width", "[1]"), default=0.1)
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         return (1 + jax.scipy.special.erf((s - self.centre) / self.width)) / 2

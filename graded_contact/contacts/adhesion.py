@@ -14,10 +14,12 @@ The equilibria of `ResidualDynamics` were all stable.
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..core.checks import check_positive, check_values, scalar
+from ..core.checks import positive, scalar
 from ..core.display import shown
 from .law import AbstractLaw, Bound, SmoothLaw, power, proximal_root, repulsive_bracket
 from .operators.operator import Scalar
+
+EDGE = "it must be positive and at most 1.2, the gap of the greatest tension"
 
 
 @shown(units=False)
@@ -36,15 +38,11 @@ class AdhesiveLJ(SmoothLaw):
     """
 
     attracts = True
-    range: Scalar = eqx.field(converter=scalar("range"))
-    work: Scalar = eqx.field(converter=scalar("work"))
-    contact_gap: Scalar = eqx.field(converter=scalar("contact_gap"), default=1.0)
-
-    def __check_init__(self):
-        check_positive("range", self.range, "[m]")
-        check_positive("work", self.work, "[J/m²]")
-        allowed = "it must be positive and at most 1.2, the gap of the greatest tension"
-        check_values("contact_gap", self.contact_gap, allowed, above=0, at_most=1.2)
+    range: Scalar = eqx.field(converter=positive("range", "[m]"))
+    work: Scalar = eqx.field(converter=positive("work", "[J/m²]"))
+    contact_gap: Scalar = eqx.field(
+        converter=scalar("contact_gap", EDGE, above=0, at_most=1.2), default=1.0
+    )
 
     @property
     def _scale(self):
@@ -87,12 +85,8 @@ class ExponentialAdhesion(AbstractLaw):
     """
 
     attracts = True
-    range: Scalar = eqx.field(converter=scalar("range"))
-    work: Scalar = eqx.field(converter=scalar("work"))
-
-    def __check_init__(self):
-        check_positive("range", self.range, "[m]")
-        check_positive("work", self.work, "[J/m²]")
+    range: Scalar = eqx.field(converter=positive("range", "[m]"))
+    work: Scalar = eqx.field(converter=positive("work", "[J/m²]"))
 
     @property
     def bounds(self):

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import check_positive, check_values, is_concrete, optional, scalar, short
+from ..core.checks import check_positive, check_values, is_concrete, optional, positive, short
 from ..core.display import shown
 from .operators.operator import Field, Scalar
 from .operators.window import inside
@@ -107,11 +107,9 @@ class HardWall(AbstractLaw):
     - `hardness`: the highest pressure [Pa], or None for no limit.
     """
 
-    hardness: Scalar | None = eqx.field(default=None, converter=optional(scalar("hardness")))
-
-    def __check_init__(self):
-        if self.hardness is not None:
-            check_positive("hardness", self.hardness, "[Pa]")
+    hardness: Scalar | None = eqx.field(
+        default=None, converter=optional(positive("hardness", "[Pa]"))
+    )
 
     @property
     def bounds(self):
@@ -171,14 +169,9 @@ class RepulsiveLJ(SmoothLaw):
     - `contact_gap`: edge of contact [1]; at 5/3 the pressure is p/100.
     """
 
-    range: Scalar = eqx.field(converter=scalar("range"))
-    pressure: Scalar = eqx.field(converter=scalar("pressure"))
-    contact_gap: Scalar = eqx.field(converter=scalar("contact_gap"), default=5 / 3)
-
-    def __check_init__(self):
-        check_positive("range", self.range, "[m]")
-        check_positive("pressure", self.pressure, "[Pa]")
-        check_positive("contact_gap", self.contact_gap, "[1]")
+    range: Scalar = eqx.field(converter=positive("range", "[m]"))
+    pressure: Scalar = eqx.field(converter=positive("pressure", "[Pa]"))
+    contact_gap: Scalar = eqx.field(converter=positive("contact_gap", "[1]"), default=5 / 3)
 
     def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
         return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)

@@ -83,9 +83,30 @@ def numbers(name: str) -> Callable[[Any], Float[Array, "..."]]:
     return functools.partial(as_float, name=name)
 
 
-def scalar(name: str) -> Callable[[Any], Float[Array, ""]]:
-    """Returns the converter of a field that holds one real number."""
-    return functools.partial(as_scalar, name=name)
+def scalar(
+    name: str, allowed: str = "it must be finite", **limits: float
+) -> Callable[[Any], Float[Array, ""]]:
+    """Returns the converter of a field that holds one number, with limits as in `check_values`."""
+
+    def convert(value: Any) -> Array:
+        number = as_scalar(value, name)
+        check_values(name, number, allowed, **limits)
+        return number
+
+    return convert
+
+
+def positive(
+    name: str, unit: str, convert: Callable[..., Array] = as_scalar
+) -> Callable[[Any], Array]:
+    """Returns the converter of a field that holds one positive number, or with `as_float` many."""
+
+    def checked(value: Any) -> Array:
+        number = convert(value, name)
+        check_positive(name, number, unit)
+        return number
+
+    return checked
 
 
 def optional(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:

@@ -185,7 +185,7 @@ def minimise(
 
     def work(stop: threading.Event) -> Design:
         with _status(progress) as say:
-            evaluate = Evaluations(all_of, stop, say)
+            evaluate = computed_once(all_of, stop, say)
             # The median: a start may be where the objective is all but zero.
             size = float(np.median([abs(evaluate(x).values[0]) for x in starts]))
             runs = tuple(descend(evaluate, box, x, size, rtol, max_steps) for x in starts)
@@ -217,36 +217,34 @@ class Evaluation(NamedTuple):
     slopes: Float[np.ndarray, "values parameters"]
 
 
-class Evaluations:
-    """Objective and constraints as one function, computed once for each point."""
+def computed_once(
+    function: Callable[[Array], tuple[Array, Any]],
+    stop: threading.Event,
+    say: Callable[[str], None],
+) -> Callable[[Flat], Evaluation]:
+    """Returns objective and constraints as one function, computed once for each point."""
 
-    def __init__(
-        self,
-        function: Callable[[Array], tuple[Array, Any]],
-        stop: threading.Event,
-        say: Callable[[str], None],
-    ):
-        def both(flat: Array) -> tuple[Array, Array]:
-            values, pull = jax.vjp(lambda x: function(x)[0], flat)
-            # Not `vmap`: each row would last as long as the slowest.
-            return values, jax.lax.map(lambda row: pull(row)[0], jnp.eye(len(values)))
+    @jit
+    def both(flat: Array) -> tuple[Array, Array]:
+        values, pull = jax.vjp(lambda x: function(x)[0], flat)
+        # Not `vmap`: each row would last as long as the slowest.
+        return values, jax.lax.map(lambda row: pull(row)[0], jnp.eye(len(values)))
 
-        self.known: dict[bytes, Evaluation] = {}
-        self.run, self.stop, self.say, self.least = jit(both), stop, say, np.inf
+    known: dict[bytes, Evaluation] = {}
 
-    def __call__(self, x: Flat) -> Evaluation:
-        """Returns objective and constraints at flat parameters."""
-        if x.tobytes() not in self.known:
-            found = Evaluation(*map(np.asarray, self.run(jnp.asarray(x))))
+    def evaluate(x: Flat) -> Evaluation:
+        if x.tobytes() not in known:
+            found = Evaluation(*map(np.asarray, both(jnp.asarray(x))))
             if not all(np.all(np.isfinite(part)) for part in found):
                 raise ValueError(f"The objective, a constraint or a derivative is NaN at {x}.")
-            self.known[x.tobytes()] = found
-            self.least = min(self.least, found.values[0])
-            count = len(self.known)
-            self.say(f"{count} evaluations: {found.values[0]:.6g}, lowest {self.least:.6g}")
-            if self.stop.is_set():
+            known[x.tobytes()] = found
+            lowest = min(one.values[0] for one in known.values())
+            say(f"{len(known)} evaluations: {found.values[0]:.6g}, lowest {lowest:.6g}")
+            if stop.is_set():
                 raise KeyboardInterrupt
-        return self.known[x.tobytes()]
+        return known[x.tobytes()]
+
+    return evaluate
 
 
 def descend(

@@ -26,14 +26,12 @@ from ..core.checks import (
     as_float,
     as_numbers,
     as_poisson,
-    as_scalar,
     check_positive,
     check_rows,
     check_type,
-    check_values,
     instance,
     is_concrete,
-    numbers,
+    positive,
     scalar,
 )
 from ..core.display import shown
@@ -75,11 +73,8 @@ class Elastic(AbstractMaterial):
     - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
     """
 
-    modulus: Float[Array, ""] = eqx.field(converter=scalar("modulus"))
+    modulus: Float[Array, ""] = eqx.field(converter=positive("modulus", "[Pa]"))
     poisson: Float[Array, ""] = eqx.field(converter=as_poisson, default=0.5)
-
-    def __check_init__(self):
-        check_positive("modulus", self.modulus, "[Pa]")
 
     def complex_modulus(self, omega: Numbers) -> Float[Array, "*w"]:
         omega = as_numbers(omega, "omega")
@@ -107,18 +102,20 @@ class Prony(AbstractMaterial):
     - `measured`: where the series follows data, or None for everywhere: a fit knows its own.
     """
 
-    equilibrium: Float[Array, ""] = eqx.field(converter=scalar("equilibrium"))
-    strengths: Float[Array, " branches"] = eqx.field(converter=numbers("strengths"))
-    times: Float[Array, " branches"] = eqx.field(converter=numbers("times"))
+    equilibrium: Float[Array, ""] = eqx.field(
+        converter=scalar("equilibrium", "it must be zero or a positive number [Pa]", at_least=0)
+    )
+    strengths: Float[Array, " branches"] = eqx.field(
+        converter=positive("strengths", "[Pa]", as_float)
+    )
+    times: Float[Array, " branches"] = eqx.field(converter=positive("times", "[s]", as_float))
     poisson: Float[Array, ""] = eqx.field(converter=as_poisson, default=0.5)
     shift: AbstractShift | None = None
     measured: MeasuredRange | None = None
 
     def __check_init__(self):
+        check_rows(0, strengths=self.strengths, times=self.times)
         check_type("measured", self.measured, MeasuredRange, type(None))
-        allowed = "it must be zero or a positive number [Pa]"
-        check_values("equilibrium", self.equilibrium, allowed, at_least=0)
-        _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_type("shift", self.shift, AbstractShift, type(None))
 
     @classmethod
@@ -140,10 +137,10 @@ class Prony(AbstractMaterial):
         - `times`: retardation times t_j [s], shape `(branches,)`, positive, no two equal.
         - `poisson`, `shift`, `measured`: as the fields of the class.
         """
-        glassy = as_scalar(glassy, "glassy")
-        compliances, times = as_float(compliances, "compliances"), as_float(times, "times")
-        check_positive("glassy", glassy, "[Pa]")
-        _check_series("compliances", compliances, "[1/Pa]", times)
+        glassy = positive("glassy", "[Pa]")(glassy)
+        compliances = positive("compliances", "[1/Pa]", as_float)(compliances)
+        times = positive("times", "[s]", as_float)(times)
+        check_rows(0, compliances=compliances, times=times)
         _check_distinct(times)
         equilibrium, strengths, times = _relaxation_from_creep(glassy, compliances, times)
         return cls(equilibrium, strengths, times, poisson, shift, measured)
@@ -316,12 +313,6 @@ def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array)
     # Bisection has no derivative; one step of Newton has the implicit one.
     _, slope = jax.jvp(lambda step: value(*place(step)), (step,), (jnp.ones_like(step),))
     return place(step - value(*place(step)) / jax.lax.stop_gradient(slope))
-
-
-def _check_series(name: str, values: Array, unit: str, times: Array) -> None:
-    check_rows(0, **{name: values, "times": times})
-    check_positive(name, values, unit)
-    check_positive("times", times, "[s]")
 
 
 def _check_distinct(times: Array) -> None:

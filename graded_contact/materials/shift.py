@@ -7,6 +7,7 @@ J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.
 import abc
 import dataclasses
 import math
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -16,14 +17,15 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, ScalarLike
 
 from ..core.checks import (
+    as_float,
     as_scalar,
     check_increasing,
-    check_positive,
     check_rows,
     check_values,
     is_concrete,
     numbers,
     optional,
+    positive,
     scalar,
 )
 from ..core.display import shown
@@ -35,6 +37,19 @@ HOTTEST = 1000.0  # K; above it no rubber is left
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
 _REACH = 0.45
+
+
+def as_temperature(value: ScalarLike, name: str = "temperature") -> Float[Array, ""]:
+    """Returns a temperature [K]; refuses an array, and what is hardly in kelvin."""
+    temperature = as_scalar(value, name)
+    check_kelvin(name, temperature)
+    return temperature
+
+
+def check_kelvin(name: str, temperature: ArrayLike) -> None:
+    """Raises `ValueError` for temperatures that are hardly in kelvin."""
+    allowed = f"temperatures are in kelvin, {COLDEST:g} to {HOTTEST:g} K (20 °C are 293.15 K)"
+    check_values(name, temperature, allowed, at_least=COLDEST, at_most=HOTTEST)
 
 
 @shown(units=False)
@@ -68,14 +83,9 @@ class WLF(AbstractShift):
     - `reference`: temperature T_ref [K] at which the material's times were given.
     """
 
-    c1: Float[Array, ""] = eqx.field(converter=scalar("c1"))
-    c2: Float[Array, ""] = eqx.field(converter=scalar("c2"))
-    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
-
-    def __check_init__(self):
-        check_positive("c1", self.c1, "[1]")
-        check_positive("c2", self.c2, "[K]")
-        check_kelvin("reference", self.reference)
+    c1: Float[Array, ""] = eqx.field(converter=positive("c1", "[1]"))
+    c2: Float[Array, ""] = eqx.field(converter=positive("c2", "[K]"))
+    reference: Float[Array, ""] = eqx.field(converter=partial(as_temperature, name="reference"))
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = self._checked(temperature)
@@ -112,12 +122,10 @@ class Arrhenius(AbstractShift):
     - `reference`: temperature T_ref [K] at which the material's times were given.
     """
 
-    activation_energy: Float[Array, ""] = eqx.field(converter=scalar("activation_energy"))
-    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
-
-    def __check_init__(self):
-        check_positive("activation_energy", self.activation_energy, "[J/mol]")
-        check_kelvin("reference", self.reference)
+    activation_energy: Float[Array, ""] = eqx.field(
+        converter=positive("activation_energy", "[J/mol]")
+    )
+    reference: Float[Array, ""] = eqx.field(converter=partial(as_temperature, name="reference"))
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_temperature(temperature)
@@ -128,19 +136,6 @@ class Arrhenius(AbstractShift):
 
     def rebased(self, temperature: ScalarLike) -> "Arrhenius":
         return Arrhenius(self.activation_energy, as_temperature(temperature))
-
-
-def as_temperature(value: ScalarLike) -> Float[Array, ""]:
-    """Returns a temperature [K]; refuses an array, and what is hardly in kelvin."""
-    temperature = as_scalar(value, "temperature")
-    check_kelvin("temperature", temperature)
-    return temperature
-
-
-def check_kelvin(name: str, temperature: ArrayLike) -> None:
-    """Raises `ValueError` for temperatures that are hardly in kelvin."""
-    allowed = f"temperatures are in kelvin, {COLDEST:g} to {HOTTEST:g} K (20 °C are 293.15 K)"
-    check_values(name, temperature, allowed, at_least=COLDEST, at_most=HOTTEST)
 
 
 def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float[Array, " n"]:
@@ -198,20 +193,20 @@ class TabulatedShift(AbstractShift):
       b_T(T)/b_T(T_ref) times those at the reference. By default 1.
     """
 
-    temperatures: Float[Array, " isotherms"] = eqx.field(converter=numbers("temperatures"))
+    temperatures: Float[Array, " isotherms"] = eqx.field(
+        converter=positive("temperatures", "[K]", as_float)
+    )
     log10_factors: Float[Array, " isotherms"] = eqx.field(converter=numbers("log10_factors"))
     reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
     vertical_factors: Float[Array, " isotherms"] | None = eqx.field(
-        converter=optional(numbers("vertical_factors")), default=None
+        converter=optional(positive("vertical_factors", "[1]", as_float)), default=None
     )
 
     def __check_init__(self):
         rows = {"temperatures": self.temperatures, "log10_factors": self.log10_factors}
         if self.vertical_factors is not None:
             rows["vertical_factors"] = self.vertical_factors
-            check_positive("vertical_factors", self.vertical_factors, "[1]")
         check_rows(2, **rows)
-        check_positive("temperatures", self.temperatures, "[K]")
         check_values("log10_factors", self.log10_factors, "finite numbers")
         check_increasing("temperatures", self.temperatures)
         self._check_covered("reference", self.reference)

@@ -18,19 +18,18 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
-    as_scalar,
+    as_float,
     check_increasing,
-    check_positive,
     check_rows,
-    check_values,
     is_concrete,
-    numbers,
+    positive,
     scalar,
 )
 from ..core.spline import monotone_cubic
 from .material import AbstractMaterial, material_called
 
 T = TypeVar("T")
+STRAIN = "a strain [1] is 0 or positive"
 
 
 class StrainSoftening(AbstractMaterial):
@@ -49,17 +48,16 @@ class StrainSoftening(AbstractMaterial):
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
-    strain: Float[Array, " points"] = eqx.field(converter=numbers("strain"))
-    storage: Float[Array, " points"] = eqx.field(converter=numbers("storage"))
-    loss: Float[Array, " points"] = eqx.field(converter=numbers("loss"))
-    amplitude: Float[Array, ""] = eqx.field(converter=scalar("amplitude"), default=0.0)
+    strain: Float[Array, " points"] = eqx.field(converter=positive("strain", "[1]", as_float))
+    storage: Float[Array, " points"] = eqx.field(converter=positive("storage", "[1]", as_float))
+    loss: Float[Array, " points"] = eqx.field(converter=positive("loss", "[1]", as_float))
+    amplitude: Float[Array, ""] = eqx.field(
+        converter=scalar("amplitude", STRAIN, at_least=0), default=0.0
+    )
 
     def __check_init__(self):
         check_rows(2, strain=self.strain, storage=self.storage, loss=self.loss)
-        for name in ("strain", "storage", "loss"):
-            check_positive(name, getattr(self, name), "[1]")
         check_increasing("strain", self.strain)
-        check_values("amplitude", self.amplitude, "a strain [1] is 0 or positive", at_least=0)
 
     def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""
@@ -110,8 +108,7 @@ def at_strain(block: T, strain: ScalarLike) -> T:
 
     **Raises:** `ValueError` if no material of the block softens.
     """
-    amplitude = as_scalar(strain, "strain")
-    check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
+    amplitude = scalar("strain", STRAIN, at_least=0)(strain)
     if not softens(block):
         raise ValueError("`block` holds no `StrainSoftening`: no modulus depends on the strain.")
 
@@ -132,8 +129,7 @@ def softens(block: Any) -> bool:
 
 def as_strain_per_slope(value: ScalarLike, stack: Any) -> Float[Array, ""]:
     """Returns ε over an rms slope [1]; raises `ValueError` unless positive, and `stack` softens."""
-    ratio = as_scalar(value, "strain_per_slope")
-    check_positive("strain_per_slope", ratio, "[1]")
+    ratio = positive("strain_per_slope", "[1]")(value)
     if not softens(stack):
         raise ValueError(
             f"`strain_per_slope={value}` is refused: `stack` holds no `StrainSoftening`."

@@ -13,6 +13,7 @@ from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import AbstractLaw, HardWall
 from ..core.checks import (
     Numbers,
+    as_float,
     check_increasing,
     check_positive,
     check_rows,
@@ -21,6 +22,7 @@ from ..core.checks import (
     is_concrete,
     numbers,
     optional,
+    positive,
     scalar,
     short,
     within,
@@ -61,15 +63,13 @@ class Heating(eqx.Module):
       no heat flows into it, or one for each layer of a `counterface`, surface first, and one below.
     """
 
-    conductivity: OfParts = eqx.field(converter=numbers("conductivity"))
-    diffusivity: OfParts = eqx.field(converter=numbers("diffusivity"))
+    conductivity: OfParts = eqx.field(converter=positive("conductivity", "[W/(m K)]", as_float))
+    diffusivity: OfParts = eqx.field(converter=positive("diffusivity", "[m²/s]", as_float))
     counterface_conductivity: OfParts = eqx.field(
         converter=numbers("counterface_conductivity"), default=0.0
     )
 
     def __check_init__(self):
-        check_positive("conductivity", self.conductivity, "[W/(m K)]")
-        check_positive("diffusivity", self.diffusivity, "[m²/s]")
         if self.counterface_conductivity.ndim:
             check_positive("counterface_conductivity", self.counterface_conductivity, "[W/(m K)]")
         allowed = "a conductivity [W/(m K)] is zero or positive"

@@ -27,12 +27,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contacts import area
-from ..core.checks import check_positive, check_type, check_values, scalar, short
+from ..core.checks import check_type, positive, scalar, short
 from ..core.display import shown
 from ..fields.frequency import direction_and_speed
 from ..materials.shift import AbstractShift, as_temperature
 
 ShearLaw = Callable[..., Any]
+SHEAR_STRESS = "a shear stress [Pa] is zero or positive"
 
 
 @shown(units=False)
@@ -61,11 +62,10 @@ class Coulomb(AbstractShear):
     - `coupled`: whether the traction moves the surface of the block. Static.
     """
 
-    coefficient: Float[Array, ""] = eqx.field(converter=scalar("coefficient"))
+    coefficient: Float[Array, ""] = eqx.field(
+        converter=scalar("coefficient", "f [1] is zero or positive", at_least=0)
+    )
     coupled: bool = eqx.field(default=True, static=True)
-
-    def __check_init__(self):
-        check_values("coefficient", self.coefficient, "f [1] is zero or positive", at_least=0)
 
     def __call__(self, pressure, speed, temperature):
         return self.coefficient * pressure
@@ -80,11 +80,8 @@ class ConstantShear(AbstractShear):
     - `coupled`: whether the traction moves the surface of the block. Static.
     """
 
-    stress: Float[Array, ""] = eqx.field(converter=scalar("stress"))
+    stress: Float[Array, ""] = eqx.field(converter=scalar("stress", SHEAR_STRESS, at_least=0))
     coupled: bool = eqx.field(default=False, static=True)
-
-    def __check_init__(self):
-        check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
 
     def __call__(self, pressure, speed, temperature):
         return self.stress
@@ -106,16 +103,13 @@ class PeakedShear(AbstractShear):
     - `coupled`: whether the traction moves the surface of the block. Static.
     """
 
-    peak: Float[Array, ""] = eqx.field(converter=scalar("peak"))
-    velocity: Float[Array, ""] = eqx.field(converter=scalar("velocity"))
-    steepness: Float[Array, ""] = eqx.field(converter=scalar("steepness"))
+    peak: Float[Array, ""] = eqx.field(converter=scalar("peak", SHEAR_STRESS, at_least=0))
+    velocity: Float[Array, ""] = eqx.field(converter=positive("velocity", "[m/s]"))
+    steepness: Float[Array, ""] = eqx.field(converter=positive("steepness", "[1]"))
     shift: AbstractShift | None = None
     coupled: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
-        check_positive("velocity", self.velocity, "[m/s]")
-        check_positive("steepness", self.steepness, "[1]")
         check_type("shift", self.shift, AbstractShift, type(None))
 
     def __call__(self, pressure, speed, temperature):

@@ -9,9 +9,8 @@ from ..core.checks import (
     Numbers,
     as_float,
     check_increasing,
-    check_positive,
     check_rows,
-    numbers,
+    positive,
 )
 from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
@@ -34,17 +33,15 @@ class SpectrumTable(eqx.Module):
     - `warnings`: sentences on what makes it doubtful, for surfaces drawn from it. Static.
     """
 
-    q: Float[Array, " points"] = eqx.field(converter=numbers("q"))
-    values: Float[Array, " points"] = eqx.field(converter=numbers("values"))
+    q: Float[Array, " points"] = eqx.field(converter=positive("q", "[rad/m]", as_float))
+    values: Float[Array, " points"] = eqx.field(converter=positive("values", "[m⁴]", as_float))
     history: tuple[str, ...] = eqx.field(static=True, default=())
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
     angle = None  # without a lay
 
     def __check_init__(self):
         check_rows(2, q=self.q, values=self.values)
-        check_positive("q", self.q, "[rad/m]")
         check_increasing("q", self.q)
-        check_positive("values", self.values, "[m⁴]")
 
     @classmethod
     def from_line(cls, q: Numbers, line: Numbers, **said: tuple[str, ...]) -> "SpectrumTable":
@@ -58,8 +55,7 @@ class SpectrumTable(eqx.Module):
         - `line`: C of a line [m³], two-sided: <h²> is its integral over positive and negative q.
         - `said`: `history` and `warnings`.
         """
-        line = as_float(line, "line")
-        check_positive("line", line, "[m³]")
+        line = positive("line", "[m³]", as_float)(line)
         return cls(q, _isotropic(np.asarray(q, float), np.asarray(line)), **said)
 
     @property
