@@ -7,7 +7,7 @@ slider.
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import tomlkit
@@ -114,7 +114,7 @@ def keys_of(document: Any, name: str) -> Place | None:
             continue  # the materials of a graded layer stand in its own table
         if key not in (range(len(table)) if isinstance(table, list) else table):
             return None
-        place, table = (*place, key), table[key]
+        place, table = (*place, key), cast(Any, table)[key]
         if isinstance(table, str) and table in document["materials"]:
             place, table = ("materials", table), document["materials"][table]
     return place
