@@ -2,7 +2,7 @@
 
 from jaxtyping import ScalarLike
 
-from ..core.checks import as_scalar, check_positive, is_concrete
+from ..core.checks import as_scalar, is_concrete, positive
 from ..materials.material import Elastic
 from .stack import Layer
 
@@ -20,8 +20,7 @@ def spring_layer(normal: ScalarLike, shear: ScalarLike) -> Layer:
 
     **Returns:** the layer, whose Poisson's ratio follows from k_n/k_s = 2 (1 - ν)/(1 - 2ν).
     """
-    normal, shear = as_scalar(normal, "normal"), as_scalar(shear, "shear")
-    check_positive("shear", shear, "[Pa/m]")
+    normal, shear = as_scalar(normal, "normal"), positive("shear", "[Pa/m]")(shear)
     ratio = shear / normal
     if is_concrete(ratio) and not 0 <= ratio < 0.75:
         raise ValueError(f"`normal={float(normal):g}` must be more than 4/3 of `shear` [Pa/m].")

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import as_scalar, check_type, check_values, is_concrete, short, within
+from ..core.checks import check_type, is_concrete, scalar, short, within
 from ..core.display import shown
 from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
@@ -24,10 +24,7 @@ LIQUID = (
 )
 
 
-def _as_thickness(value: Any) -> Float[Array, ""]:
-    value = as_scalar(value, "thickness")
-    check_values("thickness", value, "a thickness [m] is zero (no layer) or positive", at_least=0)
-    return value
+as_thickness = scalar("thickness", "a thickness [m] is zero (no layer) or positive", at_least=0)
 
 
 def _as_profile(profile: Any) -> Any:
@@ -66,7 +63,7 @@ class Layer(eqx.Module):
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
-    thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
+    thickness: Float[Array, ""] = eqx.field(converter=as_thickness)
 
 
 @shown(units=False, unset=False)
@@ -84,7 +81,7 @@ class GradedLayer(eqx.Module):
     """
 
     profile: Any = eqx.field(converter=_as_profile)
-    thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
+    thickness: Float[Array, ""] = eqx.field(converter=as_thickness)
 
 
 @shown(units=False)

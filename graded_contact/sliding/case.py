@@ -23,7 +23,6 @@ from ..core.checks import (
     numbers,
     optional,
     positive,
-    scalar,
     short,
     within,
 )
@@ -102,7 +101,7 @@ class Case(eqx.Module):
     surface: Surface
     velocity: Any = eqx.field(converter=optional(numbers("velocity")), default=None)
     displacement: Any = eqx.field(converter=optional(numbers("displacement")), default=None)
-    period: Any = eqx.field(converter=optional(scalar("period")), default=None)
+    period: Any = eqx.field(converter=optional(positive("period", "[s]")), default=None)
     times: Any = eqx.field(converter=optional(numbers("times")), default=None)
     pressure: Numbers | None = None
     mean_gap: Numbers | None = None
@@ -160,7 +159,6 @@ class Case(eqx.Module):
         check_path(self.displacement, count, grid.ndim)
         check_resolved(f"`displacement` at {count} times", self.displacement, grid)
         check_closed(self.displacement, grid)
-        check_positive("period", self.period, "[s]")
 
     def _check_block_surface(self, own: Surface) -> None:
         if self.heating is not None:

@@ -37,11 +37,7 @@ Formula = Callable[[Found], Any]
 
 # The facts of the contacts that have errors by these causes.
 NEEDED = {"temperature": [HEATED], "kernel": [WINDOW]}
-REMEDIES = {
-    "grid": "more points",
-    "time": "more times",
-    "memory": "a shorter motion",
-}
+REMEDIES = {"grid": "more points", "time": "more times", "memory": "a shorter motion"}
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
 

@@ -10,18 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ...core.checks import (
-    Numbers,
-    as_scalar,
-    check_positive,
-    check_values,
-    check_whole,
-    is_concrete,
-)
+from ...core.checks import Numbers, check_whole, is_concrete, positive, scalar
 from ...core.compilation import compiled
 from ...fields.grid import Grid
 from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_length
 from .transient import in_steps, known, table_of
+
+as_stroke = scalar("stroke", "a stroke [m] must be finite and not negative", at_least=0)
 
 _USUAL = 128  # times, where the grid is not known
 _FEWEST = 32  # times that are chosen
@@ -66,9 +61,7 @@ def sinusoidal(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    stroke, frequency = as_scalar(stroke, "stroke"), as_scalar(frequency, "frequency")
-    check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
-    check_positive("frequency", frequency, "[Hz]")
+    stroke, frequency = as_stroke(stroke), positive("frequency", "[Hz]")(frequency)
     count = _count(num_times, grid, np.pi * stroke, _FEWEST)
     displacement = stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
     check_resolved(f"`num_times={count}`", displacement, grid)
@@ -100,11 +93,8 @@ def start_stop(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    names = ("stroke", "moving", "dwell")
-    stroke, moving, dwell = map(as_scalar, (stroke, moving, dwell), names)
-    check_values("stroke", stroke, "a stroke [m] must be finite and not negative", at_least=0)
-    check_positive("moving", moving, "[s]")
-    check_values("dwell", dwell, "a time [s] must be finite and not negative", at_least=0)
+    stroke, moving = as_stroke(stroke), positive("moving", "[s]")(moving)
+    dwell = scalar("dwell", "a time [s] must be finite and not negative", at_least=0)(dwell)
     period = 2 * (moving + dwell)
     ways = period / moving
     count = _count(num_times, grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
@@ -161,8 +151,8 @@ def recorded(
         if grid is None:
             raise ValueError("`period` is needed, or for a transient motion the `grid`.")
         return in_steps(rows, grid)
-    at, table, period = jnp.asarray(rows.times), rows.displacement, as_scalar(period, "period")
-    check_positive("period", period, "[s]")
+    at, table = jnp.asarray(rows.times), rows.displacement
+    period = positive("period", "[s]")(period)
     if is_concrete(at) and is_concrete(period) and not at[-1] - at[0] < period:
         raise ValueError(
             f"`times` from {at[0]:g} to {at[-1]:g} s are refused: they must be within one "

@@ -12,13 +12,13 @@ from jaxtyping import Array, ScalarLike
 
 from ...core.checks import (
     Numbers,
-    as_scalar,
     check_increasing,
-    check_positive,
     check_rows,
     check_values,
     check_whole,
     is_concrete,
+    positive,
+    scalar,
 )
 from ...fields.grid import Grid
 from .motion import CHOSEN_STEP, Motion, check_path
@@ -43,10 +43,8 @@ def dwell(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    duration = as_scalar(duration, "duration")
-    check_positive("duration", duration, "[s]")
-    first = 1e-4 * duration if first is None else as_scalar(first, "first")
-    check_positive("first", first, "[s]")
+    duration = positive("duration", "[s]")(duration)
+    first = positive("first", "[s]")(1e-4 * duration if first is None else first)
     ratio = duration / first
     if is_concrete(ratio) and not ratio > 1:
         raise ValueError(f"`first={first:g}` s must be less than `duration={duration:g}` s.")
@@ -103,11 +101,8 @@ def start(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    velocity, duration = as_scalar(velocity, "velocity"), as_scalar(duration, "duration")
-    before = as_scalar(before, "before")
-    check_positive("duration", duration, "[s]")
-    for name, value in (("velocity", velocity), ("before", before)):
-        check_values(name, value, "a velocity [m/s] must be finite")
+    velocity, before = scalar("velocity")(velocity), scalar("before")(before)
+    duration = positive("duration", "[s]")(duration)
     if num_times is None and grid is not None:  # the longest step is at the higher velocity
         way = jnp.maximum(jnp.abs(velocity), jnp.abs(before)) * duration
         num_times = max(math.ceil(known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
