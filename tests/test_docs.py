@@ -57,7 +57,7 @@ def test_whole_scenes_of_a_page_are_read(page):
     for text in blocks(page, "toml"):
         if "[surface]" in text and "[base]" in text and "path" not in text:
             scene = parse_scene(text)
-            scene.case(scene.first)
+            scene.case(scene.last)
 
 
 def write_files(folder: Path) -> None:

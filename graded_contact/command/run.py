@@ -65,8 +65,8 @@ def run(
     with refusing():
         scene = read_scene(scene_file)
         if dry_run:
-            scene.case(scene.first)
-            jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
+            scene.case(scene.last)
+            jax.eval_shape(lambda point: numbers_at(scene, point), scene.last)
             typer.echo(scene)
             return
     folder = output or Path(f"{scene_file.stem}-results")
@@ -97,7 +97,7 @@ def run_into(
     with refusing():
         folder.mkdir(parents=True, exist_ok=True)
         check_same_scene(file, scene)
-        typer.echo("\n".join(filter(None, (scene.title, *scene.case(scene.first).surface.history))))
+        typer.echo("\n".join(filter(None, (scene.title, *scene.surface_at(scene.last).history))))
         store = folder / f"{name}.points"
         results = run_scene(scene, store=store, workers=workers, progress=True)
         write_results(file, results)
@@ -153,7 +153,7 @@ def figures_of(scene: Scene, results: "Dataset") -> "Iterator[tuple[str, Figure]
     last = results.isel(dict.fromkeys(scene.axes, -1))
     if "contact_pressure" not in results or last["message"] != "":
         return
-    case = scene.case({name: values[-1] for name, values in scene.axes.items()})
+    case = scene.case(scene.last)
     fields = last[["contact_pressure", "gap"]].drop_vars("pressure", errors="ignore")
     fields = fields.rename(contact_pressure="pressure")
     if scene.kind == "steady":

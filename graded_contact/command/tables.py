@@ -8,7 +8,7 @@ from ..core.display import UNKNOWN, unit_of, with_error
 from ..core.quantities import CYCLE, STEADY, TRANSIENT, in_brackets
 from ..plot.sweeps import SEED_ERROR, common_numbers, over_seeds
 from ..sliding.number import warnings_of
-from ..sliding.result import RESULTS
+from ..sliding.result import KINDS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -118,4 +118,4 @@ def warnings_in(results: "Dataset") -> list[str]:
     kind = TRANSIENT if "field_time" in results.dims else kind
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
     of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
-    return of_surfaces + [warning.sentence for warning in warnings_of(RESULTS[kind], known)]
+    return of_surfaces + [warning.sentence for warning in warnings_of(KINDS[kind], known)]

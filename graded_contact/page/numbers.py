@@ -102,18 +102,17 @@ def middle_point(scene: Scene) -> dict[str, Any]:
     return {name: values[len(values) // 2] for name, values in scene.axes.items()}
 
 
-def keys_of(document: dict[str, Any], name: str) -> Place | None:
+def keys_of(document: Any, name: str) -> Place | None:
     """Returns the keys of a number in the tables of a scene, or None if they leave it out."""
     for table in ("sweep", "load"):
         if name in document.get(table, {}):
             return table, name
-    place: Place = ()
-    table: Any = document
+    place, table = (), document
     for word in re.findall(r"\w+", name):
         key: Any = int(word) if word.isdigit() else word
         if key == "profile" and "profile" not in table:
             continue  # the materials of a graded layer stand in its own table
-        if not isinstance(table, list) and key not in table:
+        if key not in (range(len(table)) if isinstance(table, list) else table):
             return None
         place, table = (*place, key), table[key]
         if isinstance(table, str) and table in document["materials"]:

@@ -112,8 +112,8 @@ def _range_of(values: np.ndarray) -> tuple[float, float, str]:
     least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
     low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
-    ends = {(False, False): "neither", (True, False): "min", (False, True): "max"}
-    return low, high, ends.get((low > least, high < most), "both")
+    ends = ("neither", "min", "max", "both")
+    return low, high, ends[(low > least) + 2 * (high < most)]
 
 
 def draw_profile(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> None:

@@ -49,9 +49,7 @@ def run_scene(scene: Scene, **engine: Any) -> "Dataset":
     results = with_places(scene, results)
     if "temperature" in scene.axes and "velocity" in scene.axes:
         results = with_reduced_velocity(scene, results)
-    surfaces = [
-        surface for surface in (scene.case(scene.first).surface, scene.block_surface) if surface
-    ]
+    surfaces = filter(None, (scene.surface_at(scene.last), scene.block_surface))
     return results.assign_attrs(
         title=scene.title,
         scene=scene.text,
@@ -115,8 +113,7 @@ def _leakages(scene: Scene, found: dict[str, Array], grid: Any) -> dict[str, Flo
 
 def with_places(scene: Scene, results: "Dataset") -> "Dataset":
     """Returns results with places and times in place of numbered dimensions, and the heights."""
-    surface = scene.surface_at({name: values[-1] for name, values in scene.axes.items()})
-    motion = scene.motion
+    surface, motion = scene.surface_at(scene.last), scene.motion
     space, times = ("x", "y")[: surface.grid.ndim], ()
     for axis, count, length in zip(space, surface.grid.shape, surface.grid.size, strict=False):
         places = np.arange(count) * (float(length) / count)

@@ -28,7 +28,7 @@ from ..sliding import Case, Fluid, Heating, Motion, Numerics
 from ..sliding.bodies import TwoBodies, in_both
 from ..sliding.interior.stress import STRESSES
 from ..sliding.number import observables_in
-from ..sliding.result import RESULTS
+from ..sliding.result import KINDS
 from ..sliding.shear import SHEARS
 from ..surfaces import Surface
 from .builder import Builder, check_table, in_table, kind_of, tables_of
@@ -105,9 +105,9 @@ class Scene:
         return "cycle" if self.motion.repeats else "transient"
 
     @property
-    def first(self) -> dict[str, Any]:
-        """The first point of all axes."""
-        return {name: values[0] for name, values in self.axes.items()}
+    def last(self) -> dict[str, Any]:
+        """The last point of all axes."""
+        return {name: values[-1] for name, values in self.axes.items()}
 
     def case(self, point: Mapping[str, Any]) -> Case:
         """Returns the case at a point, given by its numbers on the axes; JAX may trace them."""
@@ -283,7 +283,7 @@ def surface_of(
 
 def check_outputs(scene: Scene) -> None:
     """Raises `ValueError` for an optional output that contacts of this kind do not have."""
-    surface, numbers = scene.surface_at(scene.first), observables_in(RESULTS[scene.kind])
+    surface, numbers = scene.surface_at(scene.last), observables_in(KINDS[scene.kind])
     known = {need for number in numbers.values() for need in number.needs}
     if surface.grid.ndim == 1 or not surface.periodic:
         known -= {"flow"}
@@ -301,4 +301,4 @@ def check_bodies(scene: Scene) -> None:
         if is_path(name) or name == "temperature":
             with in_table("sweep" if is_path(name) else "load"):
                 for value in values:
-                    scene.bodies_at({**scene.first, name: value})
+                    scene.bodies_at({**scene.last, name: value})

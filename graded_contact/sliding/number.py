@@ -41,7 +41,6 @@ REMEDIES = {
     "grid": "more points",
     "time": "more times",
     "memory": "a shorter motion",
-    "kernel": "a larger non-periodic surface",
 }
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 

@@ -83,7 +83,7 @@ def test_lines_over_seeds_are_means_with_their_standard_errors():
     band = panel.collections[0].get_paths()[0].vertices[:, 1]
     error = np.std(values[:, 0], ddof=1) / np.sqrt(3)  # larger than that of the second
     np.testing.assert_allclose([band.min(), band.max()], [3 - error, 3 + error])
-    assert "mean of 3 surfaces ± standard error" in labels_of(figure)
+    assert "band: mean of surfaces ± standard error" in labels_of(figure)
 
 
 def test_several_results_axes_and_numbers_are_drawn_by_one_function():

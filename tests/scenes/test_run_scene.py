@@ -29,7 +29,7 @@ VARIED = changed(
 def traced(text):
     """Shapes of what a scene computes at a point, by name; nothing is compiled."""
     scene = parse_scene(text)
-    return jax.eval_shape(lambda point: numbers_at(scene, point), scene.first)
+    return jax.eval_shape(lambda point: numbers_at(scene, point), scene.last)
 
 
 def only(patch, *names):
@@ -177,6 +177,6 @@ def test_a_body_may_be_pressed_to_an_approach():
     text = '[surface]\nkind = "sphere"\nradius = 2e-2\n[grid]' + STILL.split("[grid]")[1]
     text = text.replace("pressure = 2e5", "approach = [1e-6, 2e-6]\nvelocity = 0.1")
     scene = parse_scene(text)
-    case = scene.case(scene.first)
+    case = scene.case(scene.last)
     assert list(scene.axes) == ["approach", "velocity"]
-    assert case.approach == 1e-6 and case.pressure is None and not case.surface.periodic
+    assert case.approach == 2e-6 and case.pressure is None and not case.surface.periodic

@@ -203,7 +203,7 @@ def test_a_layer_may_be_graded():
 )  # fmt: skip
 def test_a_law_of_contact_is_that_of_the_constructor(lines, law):
     scene = parse_scene(f"{BARE}\n[law]\n{lines}\n")
-    assert_equal(scene.case(scene.first).law, law)
+    assert_equal(scene.case(scene.last).law, law)
 
 
 def test_options_of_a_case_are_tables_and_keys():
@@ -226,7 +226,7 @@ def test_a_cycle_at_another_speed_has_another_period():
     case = scene.case({"pressure": 2e5, "velocity": 1.0})
     np.testing.assert_allclose(case.period, 0.1 * expected.highest_speed / 1.0, rtol=1e-15)
     still = parse_scene(STILL + motion)
-    assert "velocity" not in still.axes and still.case(still.first).period == 0.1
+    assert "velocity" not in still.axes and still.case(still.last).period == 0.1
 
 
 def test_a_direction_turns_the_motion_and_its_load_repeats():
@@ -261,7 +261,7 @@ def test_steps_of_a_transient_also_end_where_its_load_turns():
     times = np.asarray(scene.motion.times)
     own = ramp(0.1, 4e-3, gc.Grid((32,), 1e-3))
     assert np.isin(own.times, times).all() and 3e-3 in times
-    case = scene.case(scene.first)
+    case = scene.case(scene.last)
     np.testing.assert_allclose(case.displacement, 0.1 * times, rtol=1e-12)
     np.testing.assert_allclose(case.pressure, 2e5 * np.interp(times, [0, 3e-3], [1, 1.5]))
 
@@ -272,7 +272,7 @@ def test_both_bodies_may_be_rough_and_deform():
     own = '[block_surface]\nkind = "self_affine"\nrms_slope = 0.05\nhurst = 0.8\nq_roll = 1.3e4\n'
     motion = '[motion]\nkind = "sinusoidal"\nstroke = 4e-4\nfrequency = 10.0\n'
     scene = parse_scene(STILL + body + own + "q_high = 4e4\n" + motion)
-    case = scene.case({**scene.first, "counterface.layers[0].thickness": 3e-5})
+    case = scene.case({**scene.last, "counterface.layers[0].thickness": 3e-5})
     rubber = gc.tyre_tread()
     counterface = gc.Stack(layers=[gc.Layer(rubber, 3e-5)], base=gc.HalfSpace(rubber))
     assert_equal(case.counterface, counterface)

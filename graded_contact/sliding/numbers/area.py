@@ -49,6 +49,11 @@ def mean_gap(found: Found) -> Array:
     return gap
 
 
+# For the change of the gap at edges, where only that of the pressure is estimated: of 23 claims of
+# `bench_contact.py random` 3 were below the error, by up to 2.
+_BY_GAP = 3.0
+
+
 def _area_by_solver(found: Found) -> Array:
     edges = edges_of(found)
 
@@ -56,7 +61,8 @@ def _area_by_solver(found: Found) -> Array:
         of = lambda change: sub_pixel_area(indicator + change, edges)[None]  # noqa: E731
         value = of(jnp.zeros_like(change))
         # Some points may be on the wrong side.
-        return error_of(of, value, change, value)[0] + area_in_doubt(indicator, change)
+        moved = error_of(of, value, change, value)[0]
+        return _BY_GAP * moved + area_in_doubt(indicator, change)
 
     return _share_of(found, error, indicator_of(found), found.contact.correction)
 

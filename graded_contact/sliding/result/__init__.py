@@ -14,7 +14,7 @@ def result_of(problem: Problem, contact: ContactSolution) -> Sliding | CyclicSli
     return Sliding(contact, problem)
 
 
-RESULTS = {kind.kind: kind for kind in (Sliding, CyclicSliding, TransientSliding)}
+KINDS = {kind.kind: kind for kind in (Sliding, CyclicSliding, TransientSliding)}
 
 
-__all__ = ["RESULTS", "CyclicSliding", "Sliding", "TransientSliding", "result_of"]
+__all__ = ["KINDS", "CyclicSliding", "Sliding", "TransientSliding", "result_of"]
