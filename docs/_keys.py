@@ -4,7 +4,7 @@ import inspect
 import re
 from collections.abc import Callable
 
-from graded_contact.blocks import GradedLayer, Layer
+from graded_contact.blocks import Layer
 from graded_contact.blocks.profile import Blend
 from graded_contact.contacts import DouglasRachford
 from graded_contact.fields.grid import Grid
@@ -23,7 +23,7 @@ of numbers, such as `"layers[0].thickness" = [1e-5, 5e-5]`.
 TABLES: dict[str, dict[str, Callable]] = {
     "[grid]": {"": Grid}, "[surface], [block_surface]": kinds.SURFACES,
     "[materials.NAME]": kinds.MATERIALS, "`shift` of a material": kinds.NESTED["shift"],
-    "[[layers]]": {"": Layer, "graded": GradedLayer, "graded, between two materials": Blend},
+    "[[layers]]": {"": Layer}, "[[layers]], graded (with `thickness`)": {"": Blend},
     "`shape` of a graded layer": kinds.SHAPES, "[base]": kinds.BASES,
     "[motion]": kinds.CYCLES, "[[motion]]": kinds.TRANSIENTS, "[law]": kinds.CONTACT_LAWS,
     "[shear]": SHEARS, "[heating]": {"": Heating}, "[fluid]": {"": Fluid},
@@ -39,10 +39,7 @@ def keys_page() -> str:
         parts.append(f"## {table}\n")
         for kind, make in made.items():
             rows = list(rows_of(make))
-            head = (
-                f'`kind = "{kind}"`' if kind and make in made.values() and table[1] != "o" else ""
-            )
-            parts += [head, ""] if head else []
+            parts += [f'`kind = "{kind}"`', ""] if kind else []
             parts += ["| key | default | meaning |", "|---|---|---|", *rows, ""] if rows else []
     return "\n".join(parts)
 

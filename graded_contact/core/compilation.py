@@ -143,13 +143,8 @@ def _program(function: Callable, arrays: Any, others: Any, small: int) -> Callab
 
 def alone(arguments: Any) -> bool:
     """Returns whether a function of these arguments runs outside `jit` and all transformations."""
-    return all(map(is_concrete, jax.tree.leaves(arguments))) and outside_jit()
-
-
-def outside_jit() -> bool:
-    """Returns whether no `jit` traces this call; a derivative or `vmap` may."""
     # Inside `jit` constants are traced, too.
-    return is_concrete(jnp.zeros((), bool))
+    return all(map(is_concrete, [*jax.tree.leaves(arguments), jnp.zeros((), bool)]))
 
 
 @functools.cache

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..blocks.stack import Stack
-from ..core.checks import Numbers, as_float, as_scalar, check_positive, check_rows, check_values
+from ..core.checks import Numbers, as_float, check_rows, check_values, positive
 from ..mean_field.mean_field import MeanField, mean_field_friction
 from ..response.compliance import effective_modulus
 from ..surfaces.spectrum_table import Spectrum
@@ -25,8 +25,7 @@ def loss_tangent(stack: Stack, q: Numbers, velocity: Numbers) -> Float[Array, ".
 
     **Returns:** Im E_eff/Re E_eff at ω = q v [1], shape of `q` and `velocity` together.
     """
-    q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
-    check_positive("velocity", velocity, "[m/s]")
+    q, velocity = as_float(q, "q"), positive("velocity", "[m/s]", as_float)(velocity)
     modulus = effective_modulus(stack, q, q * velocity)
     return modulus.imag / modulus.real
 
@@ -43,9 +42,7 @@ def ripple(values: Numbers) -> Float[Array, ""]:
 
     **Returns:** the variance [1].
     """
-    values = as_float(values, "values")
-    check_positive("values", values, "")
-    return jnp.var(jnp.log(values))
+    return jnp.var(jnp.log(positive("values", "", as_float)(values)))
 
 
 def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
@@ -90,6 +87,6 @@ def friction_curve(
     check_values("velocities", speeds, "velocities are finite")
     for name, number in (("pressure", pressure), ("strain_per_slope", strain_per_slope)):
         if number is not None:
-            check_positive(name, as_scalar(number, name), "")
+            positive(name, "")(number)
     # Not `vmap`: the data of one velocity stay in the cache.
     return jax.lax.map(at, speeds)

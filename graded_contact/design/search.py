@@ -37,7 +37,6 @@ class Descent(NamedTuple):
     - `values`: of the objective, shape `(evaluations,)`.
     - `parameters`: shape `(evaluations, parameters)`.
     - `margins`: of the constraints, shape `(evaluations, constraints)`.
-    - `slopes`: of the objective by the parameters, shape `(evaluations, parameters)`.
     - `converged`: whether it met the tolerance.
     - `message`: why it ended.
     """
@@ -45,7 +44,6 @@ class Descent(NamedTuple):
     values: Float[np.ndarray, " evaluations"]
     parameters: Float[np.ndarray, "evaluations parameters"]
     margins: Float[np.ndarray, "evaluations constraints"]
-    slopes: Float[np.ndarray, "evaluations parameters"]
     converged: bool
     message: str
 
@@ -102,10 +100,6 @@ class Box(NamedTuple):
     low: Flat
     high: Flat
     unravel: Callable[[Any], Any]
-
-    @property
-    def span(self) -> Flat:
-        return np.log(self.high / self.low)
 
 
 def box_of(lower: Any, upper: Any) -> Box:
@@ -192,9 +186,9 @@ def minimise(
         best = min(runs, key=lambda run: run.value)
         if best.value == np.inf:
             raise ValueError("No start satisfies `constraints`: widen them, or the bounds.")
-        x, slope = best.parameters[best.best], best.slopes[best.best]
+        x = best.parameters[best.best]
         with np.errstate(divide="ignore", invalid="ignore"):  # of a value of 0
-            elasticities = x * slope / best.value
+            elasticities = x * evaluate(x).slopes[0] / best.value
         shapes = jax.eval_shape(lambda flat: all_of(flat)[1], x)
         unravel = ravel_pytree(jax.tree.map(lambda one: jnp.zeros(one.shape), shapes))[1]
         own, others = unravel(jnp.asarray(best.margins[best.best]))
@@ -261,7 +255,7 @@ def descend(
     """
     import scipy
 
-    span = box.span
+    span = np.log(box.high / box.low)
     origin = np.log(start / box.low) / np.where(span > 0, span, 1)
     tried: dict[bytes, tuple[Flat, Evaluation]] = {}
 
@@ -300,7 +294,6 @@ def descend(
         values=values[:, 0],
         parameters=np.array(points),
         margins=values[:, 1:],
-        slopes=np.array([one.slopes[0] for one in evaluations]),
         converged=bool(found.success),
         message=str(found.message),
     )

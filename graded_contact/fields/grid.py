@@ -35,7 +35,7 @@ class Grid(eqx.Module):
 
     **Fields:**
 
-    - `shape`: number of points `(nx, ny)`, or `(nx,)` for a cell in one dimension. Static.
+    - `shape`: number of points `(nx, ny)`, or `(nx,)` in one dimension. Static.
     - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
 
     With `devices`, such as `jax.devices()`, each holds its share of the rows of every field of this

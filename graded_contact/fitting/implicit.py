@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
 from ..core.checks import check_type
 from ..core.compilation import compiled, one_thread_of_lapack
@@ -75,18 +75,13 @@ def optimum(
     return attach_derivative(theta, free, data), data, path
 
 
-def cost(theta: Unknowns, data: Observations) -> Float[Array, ""]:
-    """Returns the cost that a fit minimises."""
-    return problem_of(data, jnp).total_cost(theta)
-
-
 @eqx.filter_custom_jvp
 def attach_derivative(
     theta: Unknowns, free: Bool[Array, " unknowns"], data: Observations
 ) -> Unknowns:
     """Returns `theta` unchanged, with its derivatives by every number in `data`.
 
-    `theta` must minimise `cost(theta, data)` in its `free` entries; this is not checked.
+    `theta` must minimise the cost in its `free` entries; this is not checked.
     """
     return theta
 
@@ -99,7 +94,7 @@ def _attach_derivative_jvp(primals, tangents):
 
 @compiled
 def _change_of_optimum(theta, free, data, d_data):
-    gradient = jax.grad(cost)
+    gradient = jax.grad(lambda theta, data: problem_of(data, jnp).total_cost(theta))
     _, forcing = eqx.filter_jvp(lambda data: gradient(theta, data), (data,), (d_data,))
 
     def column(direction):

@@ -8,14 +8,13 @@ amount expected beforehand, and their uncertainty is reported.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_poisson, as_scalar, check_values
+from ..core.checks import Numbers, as_poisson, scalar
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange
 from ..materials.material import Prony
@@ -28,6 +27,8 @@ from .prony import AbstractFit, PronyFit, standard_error
 from .quality import report_of
 from .shifts import LN10, Isotherms, law_shifts, log_shifts, split_shifts
 from .terms import criterion
+
+STD = "a standard deviation is zero or positive"
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -203,13 +204,10 @@ def master_curve(
     **Raises:** `ValueError` as `fit_prony`, and for fewer than two isotherms or not in kelvin.
     """
     poisson = as_poisson(poisson)
-    given: dict[str, Any] = {"shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
-    for name, std in given.items():
-        as_scalar(std, name)
-        check_values(name, std, "it must be zero or positive", at_least=0)
-    along, across = map(float, given.values())
+    along = scalar("shift_std", STD, at_least=0)(shift_std)
+    across = scalar("vertical_shift_std", STD, at_least=0)(vertical_shift_std)
     data = joined_curves(
-        isotherms, kind, law, (LN10 * along, across), reference, weights, equilibrium
+        isotherms, kind, law, (LN10 * float(along), float(across)), reference, weights, equilibrium
     )
     theta, data, path = optimum(data, terms, loss)
     return MasterCurve(theta, data, poisson, path)

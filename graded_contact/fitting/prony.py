@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import Numbers, as_float, as_poisson, check_positive, optional
+from ..core.checks import Numbers, as_float, as_poisson, optional, positive
 from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.coverage import MeasuredRange, is_unknown
@@ -90,8 +90,8 @@ class AbstractFit(eqx.Module):
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-        omega, kelvin = as_float(omega, "omega"), optional(as_temperature)(temperature)
-        check_positive("omega", omega, "[rad/s]")
+        omega = positive("omega", "[rad/s]", as_float)(omega)
+        kelvin = optional(as_temperature)(temperature)
         reach = jnp.asarray(scipy.special.ndtri((1 + level) / 2))
         return _limits(self, omega, kelvin, jnp.asarray(self.covariance()), reach)
 

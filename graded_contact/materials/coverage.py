@@ -102,15 +102,10 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
     **Returns:** the lowest and the highest ω [rad/s], or None.
     """
     # A stack is known only where each of its materials is.
-    found = [part.coverage() for part in _limited(tree)]
+    limited = lambda node: hasattr(type(node), "coverage")  # noqa: E731
+    parts = filter(limited, jax.tree.leaves(tree, is_leaf=limited))
+    found = [part.coverage() for part in parts]
     if not found:
         return None
     lowest, highest = (jnp.stack(ends) for ends in zip(*found, strict=True))
     return jnp.max(lowest), jnp.min(highest)
-
-
-def _limited(tree):
-    def is_limited(node):
-        return hasattr(type(node), "coverage")
-
-    return [node for node in jax.tree.leaves(tree, is_leaf=is_limited) if is_limited(node)]

@@ -14,6 +14,7 @@ from ..core.checks import (
     check_positive,
     check_rows,
     check_type,
+    positive,
 )
 from ..core.spline import monotone_cubic
 from .material import AbstractMaterial
@@ -50,13 +51,13 @@ class Tabulated(AbstractMaterial):
         *,
         shift: AbstractShift | None = None,
     ):
-        self.omega, modulus = as_float(omega, "omega"), as_numbers(modulus, "modulus")
+        self.omega = positive("omega", "[rad/s]", as_float)(omega)
+        modulus = as_numbers(modulus, "modulus")
         # Two real rows, so that derivatives and paths need no complex numbers.
         self.storage, self.loss = modulus.real, modulus.imag
         self.poisson = as_poisson(poisson)
         self.shift = shift
         check_rows(2, omega=self.omega, modulus=modulus)
-        check_positive("omega", self.omega, "[rad/s]")
         check_positive("modulus.real", self.storage, "[Pa]")
         check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
         check_increasing("omega", self.omega)

@@ -16,7 +16,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
+from ..core.checks import Numbers, as_float, check_shape, check_values, positive, short
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from ..fitting.prony import AbstractFit, standard_error
@@ -123,8 +123,7 @@ def sensitivity(
 
     **Raises:** `ValueError` for a Poisson's ratio that varies, and for `omega` as `Tabulated` does.
     """
-    omega = as_float(omega, "omega")
-    check_positive("omega", omega, "[rad/s]")
+    omega = positive("omega", "[rad/s]", as_float)(omega)
     poisson = jnp.asarray(material.poisson_ratio(omega))
     if poisson.ndim:
         raise ValueError(

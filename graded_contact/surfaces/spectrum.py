@@ -22,11 +22,11 @@ from jaxtyping import Array, Float, ScalarLike
 from ..core.checks import (
     Numbers,
     as_float,
-    as_scalar,
-    check_positive,
     check_type,
     check_values,
     is_concrete,
+    positive,
+    scalar,
     short,
 )
 from ..core.display import shown
@@ -88,12 +88,10 @@ class SelfAffine(eqx.Module):
         self.anisotropy, self.angle = _lay(anisotropy, angle, roll_off)
         self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
-        self.hurst = as_scalar(hurst, "hurst")
         allowed = "it must be greater than 0 and at most 1"
-        check_values("hurst", self.hurst, allowed, above=0, at_most=1)
+        self.hurst = scalar("hurst", allowed, above=0, at_most=1)(hurst)
         for name, value in (("q_low", q_low), ("q_roll", q_roll), ("q_high", q_high)):
-            setattr(self, name, as_scalar(value, name))
-            check_positive(name, getattr(self, name), "[rad/m]")
+            setattr(self, name, positive(name, "[rad/m]")(value))
         for name, lower in (("q_roll", "q_low"), ("q_high", "q_roll")):
             if is_concrete(least := getattr(self, lower)):
                 allowed = f"it must be at least `{lower}={float(least):g}` [rad/m]"
@@ -167,12 +165,9 @@ def _lay(anisotropy: Any, angle: Any, roll_off: str) -> tuple[Any, Any]:
     if roll_off != "smooth":
         given = f"`anisotropy={short(anisotropy)}`"
         raise ValueError(f'{given} is refused with the sharp roll-off: pass `roll_off="smooth"`.')
-    anisotropy = as_scalar(anisotropy, "anisotropy")
-    angle = as_scalar(0.0 if angle is None else angle, "angle")
     words = "Peklenik's number is from 1 to 10,000; `angle` is of the long direction"
-    check_values("anisotropy", anisotropy, words, at_least=1, at_most=1e4)
-    check_values("angle", angle, "an angle [rad] must be finite")
-    return anisotropy, angle
+    anisotropy = scalar("anisotropy", words, at_least=1, at_most=1e4)(anisotropy)
+    return anisotropy, scalar("angle")(0.0 if angle is None else angle)
 
 
 def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float[Array, ""]]:
@@ -181,9 +176,8 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         given = f"`rms_height={rms_height}` and `rms_slope={rms_slope}`"
         raise ValueError(f"Exactly one of `rms_height` and `rms_slope` is needed, not {given}.")
     name = "rms_slope" if rms_height is None else "rms_height"
-    value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, "[1]" if rms_height is None else "[m]")
-    return name, value
+    given, unit = (rms_slope, "[1]") if rms_height is None else (rms_height, "[m]")
+    return name, positive(name, unit)(given)
 
 
 def power_integral(exponent: Array, length: Array) -> Array:

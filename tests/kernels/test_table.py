@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import graded_contact as gc
 from graded_contact.kernels import table as interpolation
@@ -88,9 +89,10 @@ def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors():
     assert not kernel[:, 101].imag.any()
 
 
-def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
+@pytest.mark.parametrize("compiled", [lambda function: function, jax.jit])
+def test_a_table_that_falls_short_gives_way_to_direct_evaluation(compiled, monkeypatch):
     sharp = dataclasses.replace(LONG, graded_solver=gc.response.Layering(rtol=1e-13))
     monkeypatch.setattr(interpolation, "NODES", 32)
-    kernel = np.asarray(gc.stack_kernel(sharp, GRID, SPEED))
+    kernel = np.asarray(compiled(lambda stack: gc.stack_kernel(stack, GRID, SPEED))(sharp))
     k = np.arange(1, 100)
     np.testing.assert_allclose(kernel[k, k], one_by_one(LONG, k, k), rtol=3e-14)

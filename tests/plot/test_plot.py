@@ -319,7 +319,6 @@ def test_a_search_shows_its_starts_constraints_and_parameters():
             values=np.array([2.0, best]),
             parameters=np.array([[2e-5, 4.0], [1e-5, 2.0]]),
             margins=np.array([[-0.1], [0.2]]),
-            slopes=np.ones((2, 2)),
             converged=True,
             message="",
         )

@@ -64,7 +64,7 @@ class Fluid:
     **Fields:**
 
     - `viscosity`: η of the fluid [Pa s].
-    - `pressure_difference`: Δp of the fluid [Pa], over the length of the cell.
+    - `pressure_difference`: Δp of the fluid [Pa], over the length of a period.
     """
 
     viscosity: float
@@ -75,7 +75,7 @@ class Fluid:
         check_positive("pressure_difference", self.pressure_difference, "[Pa]")
 
     def leakage(self, conductance: Numbers, grid: Grid) -> Float[Array, "*any 2"]:
-        """Returns the volume that passes a cell in two dimensions, along x and along y [m³/s].
+        """Returns the volume that passes a period in two dimensions, along x and along y [m³/s].
 
         Q_x = K_x Δp L_y/(12 η L_x). A seal of length l around and width w across has l/w times as
         much as a square cell.
