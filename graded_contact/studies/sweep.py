@@ -14,7 +14,7 @@ import os
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -276,7 +276,7 @@ def _local_workers(workers: int | None) -> Iterator[Any]:
             threads_per_worker=1,
             memory_limit=0,
             silence_logs=50,
-            dashboard_address=cast(Any, None),
+            dashboard_address="127.0.0.1:0",
             preload=[deaf],
         ) as cluster,
         Client(cluster, set_as_default=False) as client,

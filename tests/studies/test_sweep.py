@@ -154,7 +154,8 @@ def test_workers_give_the_same_bits_and_one_may_die(tmp_path):
         return jax.lax.fori_loop(0, 500_000, lambda i, x: x * 0.5 + 1, point["x"])
 
     axes = {"x": np.arange(3.0)}
-    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+    how = dict(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+    with distributed.Client(**how) as client:
         os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
         study = sweep(slow, axes, client=client)
     assert same(study, sweep(slow, axes))
