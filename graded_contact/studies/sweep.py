@@ -254,7 +254,7 @@ def on_workers(
             client.submit(_solve_there, packed, at, pure=False): i for i, at in points.items()
         }
         try:
-            for future in as_completed([*futures]):
+            for future in as_completed([*futures], loop=client.loop):
                 try:
                     yield futures[future], future.result()
                 except KilledWorker:
