@@ -72,6 +72,8 @@ class RESULTS(eqx.Enumeration):
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
+ROUNDING = 10  # of the precision
+
 # After these ends no number means anything.
 FAILURES = (
     RESULTS.not_finite, RESULTS.inaccurate_kernel, RESULTS.not_positive,
@@ -135,6 +137,19 @@ class ContactSolution(eqx.Module):
     num_steps: Array
     num_fft_pairs: Scalar
     result: RESULTS
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """The size of rounding by the unit of a number: prints show less as 0.
+
+        The heights, the pressures and 1 are the scales.
+        """
+        if np.ndim(self.error):
+            return {}
+        heights, pressure = np.asarray(self.displacement - self.gap), np.asarray(self.pressure)
+        eps = ROUNDING * np.finfo(heights.dtype).eps
+        scales = {"m": np.std(heights), "Pa": np.mean(np.abs(pressure)), "1": 1.0}
+        return {unit: float(eps * scale) for unit, scale in scales.items()}
 
     @property
     def state(self) -> str:

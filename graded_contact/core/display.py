@@ -88,14 +88,15 @@ def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[
 def _entries(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     """Titles and values that an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
-    # Of a named tuple, or of a dataclass.
-    fields = getattr(value, "_fields", None) or [field.name for field in dataclasses.fields(value)]
+    named = getattr(value, "_fields", None)  # of a named tuple
+    declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
+    fields = named or declared
     chosen = (fields if name is ... else [name] for name in value._shown.names)
     names = [*first, *(name for group in chosen for name in group)]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
     causes_of = getattr(value, "error_parts", lambda name: {})
+    noise: Mapping[str, float] = getattr(value, "noise", {})
     beside = {f"{name}_error" for name in parts}
-    owner = type(value).__name__
     for name, part in parts.items():
         no_rows = isinstance(part, np.ndarray) and not part.size
         empty = part is None or no_rows or (isinstance(part, str | Mapping) and not part)
@@ -106,12 +107,21 @@ def _entries(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             continue
         if name not in fields and callable(part):
             part = part()
+        array: Any = part
+        words = declared[name].metadata.get("entries", ()) if name in declared else ()
+        if words and np.shape(array) == (len(words),):
+            part = ", ".join(f"{_in_words(n)} {of}" for n, of in zip(array, words, strict=True))
+        owner = type(value).__name__
+        quantity = quantity_of(name, owner)
+        least = noise.get(quantity.unit, 0.0) if noise and quantity else 0.0
+        known: Any = part
         if _is_number(part) and _is_number(error):
+            part = with_error(float(known), float(error), noise=least)
             shares = [f"{cause} {float(e):.1e}" for cause, e in causes_of(name).items()]
-            known: Any = part
-            part = with_error(float(known), float(error))
             part += f" ({', '.join(shares)})" if shares and part != UNKNOWN else ""
-        elif isinstance(part, Mapping) and quantity_of(name, owner) is None and units:
+        elif least and _is_number(part) and abs(known) <= least:
+            part = 0
+        elif isinstance(part, Mapping) and quantity is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}
         yield _title(name, owner) if units else name, part
 
@@ -127,7 +137,7 @@ def _bound(value: float, error: float) -> float:
     return float(np.ceil(bound / step - 1e-9) * step)
 
 
-def with_error(value: float, error: float, unit: str = "") -> str:
+def with_error(value: float, error: float, unit: str = "", noise: float = 0.0) -> str:
     """Returns a number with its error, to two digits of that, such as "1.200 ± 0.041 µm".
 
     A number below its error is 0, and the bound of its size follows: "0 ± 480 pm". An error below
@@ -137,9 +147,11 @@ def with_error(value: float, error: float, unit: str = "") -> str:
 
     - `value`, `error`: in `unit`.
     - `unit`: a base unit, which gets a prefix; "" for none.
+    - `noise`: a value of this size is one of rounding, and counts as 0.
     """
     if np.isnan(value):
         return UNKNOWN
+    value, error = (0.0 if abs(one) <= noise else one for one in (value, error))
     if abs(value) < error < np.inf:
         value, error = 0.0, _bound(value, error)
     if unit:

@@ -98,7 +98,7 @@ class AbstractFit(eqx.Module):
 
 @compiled
 def _limits(fit: AbstractFit, omega: Array, kelvin: Array | None, spread: Array, reach: Array):
-    """The moduli at -`reach` and at +`reach` standard deviations from those of a fit."""
+    """The moduli that are `reach` standard deviations below and above a fit."""
 
     def logs(theta):
         material = dataclasses.replace(fit, theta=theta).material

@@ -41,6 +41,9 @@ ROW = """
   grid-template-columns: repeat(COUNT, minmax(0, 1fr))}
 @media (max-width: 800px) {:host {grid-template-columns: minmax(0, 1fr)}}
 """
+# Phones draw a page without this line as wide as on a desk.
+VIEWPORT = """<script>document.head.insertAdjacentHTML("beforeend",
+'<meta name="viewport" content="width=device-width, initial-scale=1">')</script>"""
 TEXT = """
 * {font-family: system-ui, sans-serif; color: #2b2f36; margin: 0}
 .numbers {display: flex; flex-wrap: wrap; gap: 2px 28px; align-items: baseline}
@@ -143,7 +146,7 @@ class Page(pn.viewable.Viewer):
             pn.Card(*some, title=group, collapsed=group.endswith("more"), **WIDE)
             for group, some in groups.items()
         ]
-        title = f"<h1>{html.escape(self.curves.scene.title)}</h1>"
+        title = f"<h1>{html.escape(self.curves.scene.title)}</h1>{VIEWPORT}"
         title = pn.pane.HTML(title, stylesheets=[TEXT], **WIDE)
         below = (self.pin, self.ask, self.file_name, self.save_button, self.saved)
         maps = [] if self._maps is None else self._maps.maps.values()

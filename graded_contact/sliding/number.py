@@ -219,6 +219,7 @@ class AbstractSliding(eqx.Module):
     gap = property(attrgetter("contact.gap"))
     result = property(attrgetter("contact.result"))
     state = property(attrgetter("contact.state"))
+    noise = property(attrgetter("contact.noise"))
 
     @property
     def cell(self) -> Grid:

@@ -53,8 +53,8 @@ def contact_stress(sliding: Sliding, depths: Numbers, *, side: Side = "below") -
     """Returns the stress in the block under the pressure and the traction of a contact.
 
     The traction follows the law of `shear`, coupled or not. Differentiable in the contact, with
-    the block that it keeps, and in `depths`. The counterface is at rest under the surface:
-    `response.stress.stress_field` with its opposite traction has its stress.
+    the block that it keeps, and in `depths`. For the stress in the counterface, which rests under
+    the surface, pass it to `response.stress.stress_field` with the opposite traction.
 
     **Arguments:**
 
@@ -67,7 +67,7 @@ def contact_stress(sliding: Sliding, depths: Numbers, *, side: Side = "below") -
     **Raises:** `ValueError` for a refused argument.
     """
     if WINDOW in sliding.facts:
-        raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
+        raise ValueError("`sliding` is on a non-periodic surface; a periodic one is needed.")
     depths = as_float(depths, "depths")
     check_rows(1, depths=depths)
     depths = checked_depth("depths", sliding.bodies[0], depths)

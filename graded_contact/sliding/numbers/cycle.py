@@ -87,9 +87,9 @@ def _lost(found: Found) -> Array:
 
 
 def _by_losses(name: str, over: Callable[[Found], Array | float]) -> Callable[[Found], Array]:
-    """The error by the times of a number that losses over a time add up to.
+    """The error by the times of a number that is a sum of losses over the time `over`.
 
-    Their changes at each frequency count, since the power at each time is mostly elastic.
+    It contains the change of the loss at each frequency: at each time most power is elastic.
     """
 
     def of_times(found):

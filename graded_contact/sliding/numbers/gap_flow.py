@@ -34,6 +34,7 @@ from ..formulas import indicator_of, shared
 from ..number import Found, observable, value_of
 from ..transient_problem import TransientProblem
 
+ALONG = {"entries": ("along x", "along y")}  # how arrays print
 # Of the changes of K with the grid, and with the gap by the errors of its mean. With these weights
 # 97 of 100 claims hold: 128 cells of 32 and 64 points along an edge, beside grids of four times as
 # many. Near percolation a claim may be as large as K.
@@ -52,8 +53,8 @@ class GapFlow(eqx.Module):
     - `percolates`: whether the gap is connected along x and along y; without, K is 0.
     """
 
-    conductance: Float[Array, "2"]
-    percolates: Bool[Array, "2"]
+    conductance: Float[Array, "2"] = eqx.field(metadata=ALONG)
+    percolates: Bool[Array, "2"] = eqx.field(metadata=ALONG)
 
 
 @shown()
