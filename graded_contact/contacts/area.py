@@ -1,6 +1,7 @@
 """The contact area, with the edges of contact between the points."""
 
 from collections.abc import Callable
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -39,6 +40,7 @@ class Edges(eqx.Module):
     cuts: tuple[Array, ...]
 
 
+@jax.jit
 def edge_stiffness(kernels: Waves, grid: Grid) -> tuple[Scalar, Scalar]:
     """Returns the softest and the stiffest that an edge of contact can be, 1/|M| [Pa/m].
 
@@ -127,6 +129,7 @@ def edge_distance(ratio: Array, ndim: int) -> Array:
     return 1 / (1 + jnp.cbrt(r) ** 2 + r**2)
 
 
+@partial(jax.jit, static_argnames="distance")
 def contact_shares(
     indicator: Field, edges: Edges, distance: Callable[[Array, int], Array] = edge_distance
 ) -> Float[Array, "*shape"]:
