@@ -1,6 +1,7 @@
 """The contact area, with the edges of contact between the points."""
 
 from collections.abc import Callable
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -39,6 +40,7 @@ class Edges(eqx.Module):
     cuts: tuple[Array, ...]
 
 
+@jax.jit
 def edge_stiffness(kernels: Waves, grid: Grid) -> tuple[Scalar, Scalar]:
     """Returns the softest and the stiffest that an edge of contact can be, 1/|M| [Pa/m].
 
@@ -127,6 +129,7 @@ def edge_distance(ratio: Array, ndim: int) -> Array:
     return 1 / (1 + jnp.cbrt(r) ** 2 + r**2)
 
 
+@partial(jax.jit, static_argnames="distance")
 def contact_shares(
     indicator: Field, edges: Edges, distance: Callable[[Array, int], Array] = edge_distance
 ) -> Float[Array, "*shape"]:
@@ -150,8 +153,12 @@ def contact_shares(
         behind = jnp.where(inside, back, further)
         high, low = jnp.maximum(indicator, other), jnp.minimum(indicator, other)
         high, low = jnp.where(mixed, high, 1), jnp.where(mixed, low, -1)
-        regular = _regular_edge(-low / high, high, behind, edges.softest, distance)
-        x = _unless_cut(regular, high, behind, edges.cuts[axis])
+        ratio = -low / high
+        # The root of 0 has no derivative.
+        ratios = (jnp.clip(r, 1e-7, 1e6) for r in (ratio, edges.softest * ratio))
+        stiff, soft = (distance(r, indicator.ndim) for r in ratios)
+        rise = _rise(high, behind)
+        x = _unless_cut(_regular_edge(rise, stiff, soft), rise, edges.cuts[axis])
         # Of the half of the line at the point in contact, and at the other one.
         shares = jnp.minimum(2 * x, 1), jnp.maximum(2 * x - 1, 0)
         near, beyond = (
@@ -161,31 +168,25 @@ def contact_shares(
     return jnp.asarray(sum(parts) / len(parts))
 
 
-def _regular_edge(ratio, pressure, behind, softest, distance):
+def _regular_edge(rise, stiff, soft):
     """The place of an edge after the last point [spacings], where the body goes on.
 
     A block that creeps is as stiff as its highest frequencies at an edge that moves, and softer at
     one that rests or moves back slowly: gap and pressure alone do not tell. So between both the
     pressures of two points decide, as far as they follow the root of the distance.
     """
-    # The root of 0 has no derivative.
-    stiff, soft = (
-        distance(jnp.clip(r, 1e-7, 1e6), pressure.ndim) for r in (ratio, softest * ratio)
-    )
-    place = stiff + _rising(_rise(pressure, behind), 1.0, 2.0) * (
-        _root_law(pressure, behind) - stiff
-    )
+    place = stiff + _rising(rise, 1.0, 2.0) * (_root_law(rise) - stiff)
     return jnp.clip(place, stiff, soft)
 
 
-def _unless_cut(regular, pressure, behind, cut):
+def _unless_cut(regular, rise, cut):
     """The place of an edge, half way to the next point where the body is cut off.
 
     The contact may end before, as the pressure shows. A point alone in contact has no inner one; it
     may leave the contact at any time, without a jump.
     """
-    corner = jnp.minimum(_root_law(pressure, behind), 0.5)
-    held = cut * _rising(_rise(pressure, behind), 0.0, 0.05)
+    corner = jnp.minimum(_root_law(rise), 0.5)
+    held = cut * _rising(rise, 0.0, 0.05)
     return regular + held * jnp.maximum(corner - regular, 0)
 
 
@@ -195,9 +196,9 @@ def _rise(pressure, behind):
     return (behind / jnp.maximum(pressure, 1e-3 * behind)) ** 2
 
 
-def _root_law(pressure, behind):
+def _root_law(rise):
     """The place where a pressure that falls as the root of the distance ends, at most 2."""
-    return 1 / jnp.maximum(_rise(pressure, behind) - 1, 0.5)
+    return 1 / jnp.maximum(rise - 1, 0.5)
 
 
 def sub_pixel_area(indicator: Field, edges: Edges) -> Scalar:

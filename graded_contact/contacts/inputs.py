@@ -1,13 +1,12 @@
 """Inputs of a contact, checked: heights, kernel, start and loading."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ScalarLike
 
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, is_concrete
+from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..fields.grid import half_shape
 from .law import AbstractLaw, HardWall, check_pressure, never_overlaps
@@ -47,7 +46,7 @@ def check_kernel(kernel: Array, shape: tuple[int, ...], on_window: bool, throw: 
         check_values("kernel.imag", imag, "it must be finite")
 
 
-@functools.partial(jax.jit, static_argnames="throw")
+@compiled
 def _compliances(kernel, throw: bool):
     """Real and imaginary part of the kernel, 1 and 0 where it is ignored; the sum of the first."""
     ignored = first_mode(kernel.shape)

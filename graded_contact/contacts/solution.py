@@ -146,7 +146,8 @@ class ContactSolution(eqx.Module):
         """
         if np.ndim(self.error):
             return {}
-        heights, pressure = np.asarray(self.displacement - self.gap), np.asarray(self.pressure)
+        displacement, gap, pressure = map(np.asarray, (self.displacement, self.gap, self.pressure))
+        heights = displacement - gap
         eps = ROUNDING * np.finfo(heights.dtype).eps
         scales = {"m": np.std(heights), "Pa": np.mean(np.abs(pressure)), "1": 1.0}
         return {unit: float(eps * scale) for unit, scale in scales.items()}

@@ -52,17 +52,18 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     try:
         if value is None or isinstance(value, str | bytes | bool | np.bool_):
             raise TypeError
-        if not any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
-            value = np.asarray(value)
+        if any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
+            array = jnp.asarray(value)
+        else:
+            array = np.asarray(value)
             # Of whole numbers JAX keeps the last 32 or 64 bits.
-            value = value.astype(float) if value.dtype.kind in "iuO" else value
-        array = jnp.asarray(value)
+            array = array.astype(float) if array.dtype.kind in "iuO" else array
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
         raise ValueError(f"`{name}` has dtype {array.dtype} and is refused: {needed}.")
-    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
-    return jnp.asarray(array, dtype=dtype)
+    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else float
+    return jnp.asarray(array, dtype=jnp.result_type(dtype))
 
 
 def as_scalar(value: Any, name: str) -> Float[Array, ""]:

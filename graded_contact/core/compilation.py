@@ -152,14 +152,14 @@ def options(level: int) -> dict[str, Any]:
     """Options of `jax.jit` that this XLA knows and the environment does not set."""
     keep_small_programs()
     flags, usual = os.environ.get("XLA_FLAGS", ""), LESS_WORK | {_LEVEL: level}
-    return {name: v for name, v in usual.items() if name not in flags and _is_known(name, v)}
+    free = {name: value for name, value in usual.items() if name not in flags}
+    return free if _are_known(free) else {n: v for n, v in free.items() if _are_known({n: v})}
 
 
-@functools.cache
-def _is_known(name: str, value: Any) -> bool:
-    """Whether this XLA knows an option: their names come and go."""
+def _are_known(chosen: dict[str, Any]) -> bool:
+    """Whether this XLA knows all these options: their names come and go."""
     try:
-        jax.jit(lambda: 0, compiler_options={name: value})()
+        jax.jit(lambda: 0, compiler_options=chosen)()
     except jax.errors.JaxRuntimeError:
         return False
     return True

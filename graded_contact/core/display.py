@@ -119,7 +119,7 @@ def _entries(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
             part = with_error(float(known), float(error), noise=least)
             shares = [f"{cause} {float(e):.1e}" for cause, e in causes_of(name).items()]
             part += f" ({', '.join(shares)})" if shares and part != UNKNOWN else ""
-        elif least and _is_number(part) and abs(known) <= least:
+        elif least and _is_number(part) and np.abs(known) <= least:
             part = 0
         elif isinstance(part, Mapping) and quantity is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}

@@ -124,6 +124,7 @@ def wavevector(
     return tuple(2 * np.pi * jnp.asarray(k, grid.size.dtype) / length for k, length in pairs)
 
 
+@jax.jit
 def odd_wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
     """Returns the components of `wavevector`, each 0 on its Nyquist line."""
     return tuple(
@@ -132,6 +133,7 @@ def odd_wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
     )
 
 
+@jax.jit
 def wavenumber(grid: Grid) -> Float[Array, "..."]:
     """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
     components = wavevector(grid)
@@ -217,6 +219,7 @@ def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Ar
     return to_field(1j * odd_wavevector(grid)[axis] * to_spectrum(field), grid.shape)
 
 
+@functools.partial(jax.jit, static_argnums=(1, 2))
 def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> Array:
     """Returns a half spectrum cut or zero-padded to the modes of another grid on the same cell.
 

@@ -136,7 +136,8 @@ class MasterCurve(AbstractFit):
 
         They are large for isotherms too flat to be placed by anything but the law.
         """
-        along, across = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))(self.theta)
+        shifts = jax.jacfwd(lambda theta: log_shifts(self.isotherms, theta))
+        along, across = jax.jit(shifts)(self.theta)
         spread = self.covariance()
         return standard_error(along / LN10, spread), standard_error(across, spread)
 

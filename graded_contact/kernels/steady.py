@@ -35,6 +35,7 @@ from ..response.grading import NOT_REACHED, checked_velocity, graded_tolerance
 from .table import log_compliance, tabulate
 
 _BLOCK_ROWS = 16
+_FEW_ROWS = 33  # of a grid of 64 points: without blocks their derivative compiles faster
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
 _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
@@ -174,13 +175,13 @@ def _mirrored(rows_of, grid):
 def _in_blocks(rows_of, num_rows):
     """All rows of the kernel, computed a block at a time."""
     # On several devices each takes its columns of every block.
-    block = jax.checkpoint(lambda index: whole_along(rows_of(index), 0))
-    if num_rows <= 2 * _BLOCK_ROWS:
+    block = lambda index: whole_along(rows_of(index), 0)  # noqa: E731
+    if num_rows <= _FEW_ROWS:
         return block(np.arange(num_rows))
     num_blocks = -(-num_rows // _BLOCK_ROWS)
     rows = np.arange(num_blocks * _BLOCK_ROWS).reshape(num_blocks, _BLOCK_ROWS)
     # The last block repeats its last row instead of running over the grid.
-    kernel = jax.lax.map(block, np.minimum(rows, num_rows - 1))
+    kernel = jax.lax.map(jax.checkpoint(block), np.minimum(rows, num_rows - 1))
     return kernel.reshape(-1, kernel.shape[-1])[:num_rows]
 
 

@@ -163,19 +163,8 @@ class Prony(AbstractMaterial):
         return self.equilibrium + jnp.sum(self.strengths)
 
     def complex_modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
-        omega = as_numbers(omega, "omega")
-        # One more axis, over the branches.
-        x = omega[..., None] * self.times
-        if jnp.iscomplexobj(x):
-            return self.equilibrium + jnp.sum(self.strengths * (1j * x / (1 + 1j * x)), axis=-1)
-        # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
-        # odd: split into size and sign, they would have no derivative at rest.
-        small = jnp.abs(x) <= 1
-        y = jnp.where(small, x, 1 / jnp.where(small, 1, x))
-        loss = y / (1 + y * y)
-        storage = jnp.where(small, y * loss, 1 / (1 + y * y))
-        real = self.equilibrium + jnp.sum(self.strengths * storage, axis=-1)
-        return jax.lax.complex(real, jnp.sum(self.strengths * loss, axis=-1))
+        series = self.equilibrium, self.strengths, self.times
+        return _series_modulus(*series, as_numbers(omega, "omega"))
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson
@@ -266,6 +255,22 @@ def _relaxation_from_creep(glassy: Array, compliances: Array, times: Array):
     slope = jnp.sum(weights / gaps / gaps, axis=-1)
     equilibrium = glassy / (1 + glassy * jnp.sum(compliances))
     return equilibrium, glassy / (roots * slope), 1 / roots
+
+
+@jax.jit
+def _series_modulus(equilibrium: Array, strengths: Array, times: Array, omega: Array) -> Array:
+    # One more axis, over the branches.
+    x = omega[..., None] * times
+    if jnp.iscomplexobj(x):
+        return equilibrium + jnp.sum(strengths * (1j * x / (1 + 1j * x)), axis=-1)
+    # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
+    # odd: split into size and sign, they would have no derivative at rest.
+    small = jnp.abs(x) <= 1
+    y = jnp.where(small, x, 1 / jnp.where(small, 1, x))
+    loss = y / (1 + y * y)
+    storage = jnp.where(small, y * loss, 1 / (1 + y * y))
+    real = equilibrium + jnp.sum(strengths * storage, axis=-1)
+    return jax.lax.complex(real, jnp.sum(strengths * loss, axis=-1))
 
 
 @jax.jit

@@ -147,18 +147,25 @@ def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float
 
     **Raises:** `ValueError` for values at that limit; they become NaN where tracing hides them.
     """
-    reach = _REACH * math.log(float(jnp.finfo(values.dtype).max))
-    logs = jax.lax.stop_gradient(jnp.log(values))
-    # Rounding may leave them an ulp within the limit.
-    lost = jnp.max(jnp.abs(logs)) >= reach * (1 - 1e-6)
+    found, lost = _stretched(values, log_factor)
     if is_concrete(lost) and lost:
         raise ValueError(
             "`temperature` cannot be changed again: at the temperature of this material its times "
             "are beyond the range of numbers. Start from the material at its reference temperature."
         )
+    return found
+
+
+@jax.jit
+def _stretched(values: Array, log_factor: Array) -> tuple[Array, Array]:
+    """The stretched values, and whether some are at the limit."""
+    reach = _REACH * math.log(float(jnp.finfo(values.dtype).max))
+    logs = jax.lax.stop_gradient(jnp.log(values))
+    # Rounding may leave them an ulp within the limit.
+    lost = jnp.max(jnp.abs(logs)) >= reach * (1 - 1e-6)
     # In two steps, neither of which overflows.
     root = jnp.exp(jnp.clip(log_factor, -reach - logs, reach - logs) / 2)
-    return jnp.where(lost, jnp.nan, values * root * root)
+    return jnp.where(lost, jnp.nan, values * root * root), lost
 
 
 def shifts_in(tree: Any) -> list[Any]:

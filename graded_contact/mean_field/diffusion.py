@@ -28,12 +28,14 @@ Correction = Literal["none", "yang_persson"]
 _START = 0.01
 
 
+@jax.jit
 def area(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Returns the contact area fraction [1] after diffusion up to `x`."""
     spread = x > _START
     return jnp.where(spread, erf(1 / jnp.sqrt(2 * jnp.where(spread, x, 1))), 1)
 
 
+@jax.jit
 def mean_square_growth(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Returns ⟨σ²⟩ - 1 over the nominal area [1]; its derivative is the area."""
     spread = x > _START
@@ -42,6 +44,7 @@ def mean_square_growth(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return jnp.where(spread, (1 + safe) * area(safe) + tail - 1, x)
 
 
+@jax.jit
 def density(x: Float[Array, "n 1"], stress: Float[Array, "#n m"]) -> Float[Array, "n m"]:
     """Returns P at stresses [1] after diffusion up to `x`; 0 where nothing has spread."""
     safe = jnp.where(x > 0, x, 1)

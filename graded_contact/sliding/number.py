@@ -18,6 +18,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack
@@ -260,7 +261,8 @@ class AbstractSliding(eqx.Module):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about these numbers, one sentence each; not under `jit`."""
-        known = dict(zip(self.numbers, self.compute(*self.numbers), strict=True))
+        values = map(np.asarray, self.compute(*self.numbers))
+        known = dict(zip(self.numbers, values, strict=True))
         found = warnings_of(type(self), lambda name: known.get(name, 0.0))
         return tuple(warning.sentence for warning in found)
 

@@ -61,7 +61,7 @@ class Neighbours(eqx.Module):
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
     pressure = found.contact.mean_pressure
-    if is_concrete(pressure) and not (np.isfinite(pressure) and pressure != 0):
+    if is_concrete(pressure) and not (np.isfinite(pressure) and float(pressure) != 0):
         # Without a contact there is nothing to compare.
         return Neighbours(None, found, found, jnp.zeros_like(pressure))
     times = len(found.displacement) if isinstance(found.problem, CycleProblem) else 0
@@ -78,7 +78,7 @@ def neighbours_by(found: Found, solve: Callable[..., Found], fewer: Found | None
     window = WINDOW in found.facts
     on_half, cut, missing = roughness_on(found.problem.roughness, found.grid, half, window)
     same = None
-    if not (is_concrete(missing) and missing <= NOTHING_LACKS):
+    if not (is_concrete(missing) and float(missing) <= NOTHING_LACKS):
         same = solve(shape, cut)
     if half == shape:  # nothing is known of the error of the grid
         missing = missing * jnp.nan
@@ -95,15 +95,21 @@ def _solved(
     solver = DouglasRachford(newton=is_concrete(load))
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=solver, throw=False)
     # The displacement by a traction that is no part of the kernel stays as it is.
-    contact = problem.contact({found.problem.prescribed: load}, how, shift, start)
-    # A number that is not known must not show a small change. What may be unstable on half the grid
-    # is close to what the whole grid resolves.
-    good = (contact.result == RESULTS.successful) | (contact.result == RESULTS.gap_unresolved)
-    good = good | (contact.result == RESULTS.unresolved)
-    pressure = jnp.where(good, contact.pressure, jnp.nan)
-    moved = contact.displacement + shift
+    lagged = shift if shift.ndim else None
+    contact = problem.contact({found.problem.prescribed: load}, how, lagged, start)
+    pressure, moved = _known(contact.result, contact.pressure, contact.displacement, shift)
     contact = dataclasses.replace(contact, pressure=pressure, displacement=moved)
     return dataclasses.replace(found, contact=contact, problem=problem)
+
+
+@compiled
+def _known(result: RESULTS, pressure: Array, displacement: Array, shift: Array) -> tuple:
+    """The pressure, NaN if it is not known, and the displacement with that by lagged traction."""
+    # A number that is not known must not show a small change. What may be unstable on half the grid
+    # is close to what the whole grid resolves.
+    good = (result == RESULTS.successful) | (result == RESULTS.gap_unresolved)
+    good = good | (result == RESULTS.unresolved)
+    return jnp.where(good, pressure, jnp.nan), displacement + shift
 
 
 @compiled
