@@ -25,6 +25,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.load_profile("same")
 jax.config.update("jax_enable_x64", True)
+# Programs without the lines that made them are lowered in less time.
+jax.config.update("jax_traceback_in_locations_limit", 0)
 
 
 @pytest.fixture

@@ -66,7 +66,7 @@ def test_a_path_follows_the_branches_of_a_dense_energy():
     touching = np.array([np.mean(gap < RANGE) for gap in states])
     areas = np.array([np.mean(touches(law, contact)) for contact in found])
     np.testing.assert_allclose(areas[same], touching[same])
-    steep = at_gap(attraction(1.0), 0.01, pressure)
+    steep = at_gap(attraction(1.0), np.asarray(0.01), pressure)
     assert steep.result == gc.contacts.RESULTS.unresolved and steep.error <= 1e-8
 
 
