@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from .anderson import Iterates, accelerate
 from .checks import is_concrete
-from .compilation import alone, varying
+from .compilation import alone, compiled, varying
 from .derivative import still
 
 _MEMORY = 4
@@ -90,14 +90,14 @@ def find_fixed_point(
     return point
 
 
-@jax.jit
+@compiled
 def _first(start: Array) -> FixedPoint:
     none, far = jnp.zeros((), start.dtype), jnp.full((), jnp.inf, start.dtype)
     history = Iterates.empty(start, _MEMORY)
     return FixedPoint(history, End(-far, none), End(far, none), far, none, None)
 
 
-@jax.jit
+@compiled
 def _next(point: FixedPoint, image: Array, rtol: Array, most: Array | None) -> FixedPoint:
     """The next iterate: accelerated, or in the bracket."""
     x = point.x

@@ -60,7 +60,7 @@ def optimum(
 
     fixed = jax.lax.stop_gradient(data)
     if concrete(fixed):
-        found = map(jnp.asarray, searched(fixed))
+        found = map(jax.device_put, searched(fixed))
     else:
         assert terms is not None
         count = 2 * terms + data.num_extras + data.num_shifts

@@ -24,6 +24,7 @@ from ..core.checks import (
     short,
     within,
 )
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..materials.measured import Measured
 from ..materials.shift import check_kelvin
@@ -123,11 +124,16 @@ def _channel(name, values, weight, x):
     if weight.ndim:
         check_shape(f"weight of {name}", weight, x.shape)
     check_values(f"weight of {name}", weight, "it must be zero or positive", at_least=0)
-    weights = jnp.where(jnp.isnan(values), 0, weight)
-    values = jnp.where(weights > 0, values, 1)
+    values, weights = _without_gaps(values, weight)
     allowed = "it must be positive; NaN, or a weight of 0, leaves it out"
     check_values(name, values, allowed, above=0)
     return values, weights
+
+
+@compiled
+def _without_gaps(values: Array, weight: Array) -> tuple[Array, Array]:
+    weights = jnp.where(jnp.isnan(values), 0, weight)
+    return jnp.where(weights > 0, values, 1), weights
 
 
 def _check_content(data):

@@ -68,10 +68,10 @@ def contour(first: Float[Array, ""], last: Float[Array, ""], count: int) -> Cont
 
 def node_count(steps: Float[Array, " steps"]) -> int:
     """Returns how many nodes the memory of steps [s] needs; the fewest if they are not known."""
-    steps = still(steps)
-    if not is_concrete(steps):
+    if not is_concrete(steps := still(steps)):
         return _FEWEST
-    decades = np.log10(np.sum(steps) / np.min(steps))
+    known = np.asarray(steps)
+    decades = np.log10(np.sum(known) / np.min(known))
     return _FEWEST + 8 * max(0, math.ceil((decades - 5) / 2))
 
 

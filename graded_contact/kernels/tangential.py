@@ -38,7 +38,7 @@ def tangential_kernels(
     """
     rtol = graded_tolerance(stack, grid.size)
     parts = _steady_parts(stack, grid, velocity, rtol, strain)
-    return *_along(parts, grid, direction[None]), _good(stack, parts)
+    return *_along(parts, grid, direction), _good(stack, parts)
 
 
 def periodic_tangential_kernels(
@@ -87,8 +87,8 @@ def _periodic_parts(stack, grid, num_times: int, period, rtol):
 
 @compiled_loop
 def _along(parts, grid: Grid, directions: Array):
-    """M_zi and M_ij along unit vectors, the rows of an array."""
-    c11, c12, c_t = parts
+    """M_zi and M_ij along unit vectors, the rows of an array; or along one."""
+    directions, (c11, c12, c_t) = jnp.atleast_2d(directions), parts
     q = wavenumber(grid)
     unit = [component / jnp.where(q == 0, 1, q) for component in wavevector(grid)]
     parallel = [sum(e * n for e, n in zip(row, unit, strict=False)) for row in directions]

@@ -88,12 +88,7 @@ class WLF(AbstractShift):
     reference: Float[Array, ""] = eqx.field(converter=partial(as_temperature, name="reference"))
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
-        temperature = self._checked(temperature)
-        step = temperature - self.reference
-        above = self.c2 + step > 0
-        # Below the Vogel temperature, which tracing hides, the law has no answer.
-        value = -math.log(10) * self.c1 * step / jnp.where(above, self.c2 + step, 1)
-        return jnp.where(above, value, jnp.nan)
+        return _wlf(self.c1, self.c2, self.reference, self._checked(temperature))
 
     def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
         return jnp.zeros_like(self.reference)
@@ -111,6 +106,15 @@ class WLF(AbstractShift):
             allowed = f"temperatures are in kelvin, this WLF law holds only above {vogel:.2f} K"
             check_values("temperature", temperature, allowed, above=max(vogel, 0.0))
         return temperature
+
+
+@jax.jit
+def _wlf(c1: Array, c2: Array, reference: Array, temperature: Array) -> Array:
+    step = temperature - reference
+    above = c2 + step > 0
+    # Below the Vogel temperature, which tracing hides, the law has no answer.
+    value = -math.log(10) * c1 * step / jnp.where(above, c2 + step, 1)
+    return jnp.where(above, value, jnp.nan)
 
 
 class Arrhenius(AbstractShift):

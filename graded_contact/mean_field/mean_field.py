@@ -54,6 +54,7 @@ from ..core.checks import (
     short,
     within,
 )
+from ..core.compilation import compiled
 from ..core.derivative import still
 from ..core.display import shown
 from ..fields.frequency import as_velocity, direction_and_speed
@@ -181,9 +182,11 @@ def mean_field_friction(
     for factor in (1, 2, 4, 8):
         rules = _quadrature_rules(field, correction, factor * num_wavenumbers, factor * num_angles)
         solution = _field(field, rules, acting)
-        # Inside `jit` this is not known. An error that is not finite is of no quadrature.
-        missed = (solution.error > rtol) & (solution.error < np.inf)
-        if not (is_concrete(missed) and np.any(missed)):
+        if not is_concrete(solution.error):
+            break
+        error = np.asarray(solution.error)
+        # An infinite one is not of the quadrature.
+        if not np.any((error > rtol) & (error < np.inf)):
             break
     return reached(solution, rtol) if throw else solution
 
@@ -242,8 +245,11 @@ def _field(field: FieldInputs, rules: Rules, acting) -> MeanField:
     """The mean field by a quadrature."""
     shear, temperature, heating = acting
     found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
-    q, x, friction, error, share, sheared = found
-    load = field.pressure
+    return _assembled(*found, field.pressure, heated)
+
+
+@compiled
+def _assembled(q, x, friction, error, share, sheared, load, heated) -> MeanField:
     return MeanField(
         friction=friction[-1] + sheared[-1],
         pressure_friction=friction[-1],
@@ -260,10 +266,11 @@ def _field(field: FieldInputs, rules: Rules, acting) -> MeanField:
 
 def reached(solution: MeanField, rtol: float = RTOL) -> MeanField:
     """Returns one or several mean fields; raises `RuntimeError` for an error above `rtol`."""
-    failed = ~(solution.error <= rtol)  # so that NaN fails
-    if is_concrete(failed) and np.any(failed):
+    if not is_concrete(solution.error):
+        return eqx.error_if(solution, ~(solution.error <= rtol), _NOT_REACHED)
+    if not np.all(np.asarray(solution.error) <= rtol):  # so that NaN fails
         raise RuntimeError(_NOT_REACHED)
-    return eqx.error_if(solution, failed, _NOT_REACHED)
+    return solution
 
 
 def _quadrature_rules(field, correction, num_wavenumbers, num_angles) -> Rules:
@@ -281,11 +288,9 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """The results of `_integrated`, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
-    # The longest wave at the last angle has the lowest frequency.
-    edges, speed = smooth_edges(field.spectrum), direction_and_speed(field.velocity)[1]
+    speed, ends = _ends(field.spectrum, field.velocity)
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
-    ends = speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
     check_profiles(field.stack, ends)
     if field.counterface is not None:
         check_profiles(
@@ -306,6 +311,13 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     return (q, x, friction, jnp.where(reached, error, jnp.inf), *rest), scales
 
 
+@compiled
+def _ends(spectrum: Spectrum, velocity) -> tuple[Array, Array]:
+    """The speed, and the lowest and the highest frequency: the longest wave has the lowest."""
+    edges, speed = smooth_edges(spectrum), direction_and_speed(velocity)[1]
+    return speed, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
+
+
 def _integrated(rules: Rules, given, rises=None):
     """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
     (field, shear, temperature), scales = given, None
@@ -313,15 +325,15 @@ def _integrated(rules: Rules, given, rises=None):
         # The first temperature is at the surface, where shear acts.
         scales, temperature = temperature + rises[1:], temperature + rises[0]
     q, x, *found = integrate(field, rules, scales)
-    return q, x, *found, _sheared(field, shear, temperature, x)
+    return q, x, *found, _sheared(field.pressure, field.velocity, shear, temperature, x)
 
 
-def _sheared(field: FieldInputs, shear, temperature, x):
+@compiled
+def _sheared(pressure, velocity, shear, temperature, x):
     """Friction by shear up to each cut-off [1]."""
-    stress = shear_stress(shear, field.velocity, temperature)
+    stress = shear_stress(shear, velocity, temperature)
     if stress is None:
         return jnp.zeros_like(x)
-    pressure = field.pressure
     return area(x) * mean_in_contact(lambda sigma: stress(sigma * pressure), x) / pressure
 
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from ..blocks.stack import Stack
 from ..contacts.operators.operator import AbstractOperator
 from ..contacts.operators.window import Window
+from ..core.compilation import compiled
 from ..fields.grid import Grid, Waves, mode_numbers, to_field, to_spectrum, wavevector
 from ..kernels.memory import Creep
 from ..kernels.periodic import quadrant
@@ -92,9 +93,7 @@ class TransientProblem(AbstractProblem):
         """The lowest and the highest wavenumber at which responses are needed [rad/m]."""
         grid, of_path = self.memory_grid, self.path is not None
         cells = [long_cell(self._all_of_path), grid] if of_path else [grid]
-        highest = [jnp.pi * jnp.sqrt(jnp.sum(cell.spacing**-2)) for cell in cells]
-        lowest = 2 * jnp.pi / jnp.max(cells[0].size)
-        return jnp.stack([lowest, functools.reduce(jnp.maximum, highest)])
+        return _waves_between(cells)
 
     @property
     def _all_of_path(self) -> Grid:
@@ -141,6 +140,14 @@ class TransientProblem(AbstractProblem):
         # What a sum or a turn leaves of a rest by rounding is no motion, and has no direction.
         least = 16 * jnp.finfo(way.dtype).eps * jnp.max(jnp.abs(self.moved))
         return steps_of(self.times), jnp.where(jnp.abs(way) > least, way, 0)
+
+
+@compiled
+def _waves_between(cells: list[Grid]) -> Array:
+    """The lowest wavenumber of the first cell, and the highest of all."""
+    highest = [jnp.pi * jnp.sqrt(jnp.sum(cell.spacing**-2)) for cell in cells]
+    lowest = 2 * jnp.pi / jnp.max(cells[0].size)
+    return jnp.stack([lowest, functools.reduce(jnp.maximum, highest)])
 
 
 def steps_of(times: Float[Array, " nt"]) -> Float[Array, " nt"]:

@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool
 
 from ...blocks.stack import Stack
 from ...core.checks import as_float, is_concrete
+from ...core.compilation import compiled
 from ...fields.frequency import direction_and_speed
 from ...fields.grid import Grid, Waves
 from ...kernels.tangential import tangential_kernels
@@ -61,6 +62,10 @@ def under_coulomb(coefficient: Array, parts: Sequence[Any], lifts: Sequence[Any]
     # Without friction a real kernel stays real.
     if is_concrete(coefficient) and np.asarray(coefficient) == 0:
         return parts
-    coefficient = coefficient.astype(parts[0].real.dtype)
     pairs = zip(parts, lifts, strict=True)
-    return [None if lift is None else part + coefficient * lift for part, lift in pairs]
+    return [None if lift is None else _lifted(part, coefficient, lift) for part, lift in pairs]
+
+
+@compiled
+def _lifted(part: Array, coefficient: Array, lift: Array) -> Array:
+    return part + coefficient.astype(part.real.dtype) * lift

@@ -66,16 +66,10 @@ def solve_heated(
     fixed = still(given)
     rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
 
-    def shorter(rises):
-        """Without the cells that repeat the last edge."""
-        return rises.reshape(len(case.bodies), -1)[:, : NUM_CELLS + 1].ravel()
-
     def step(x, state):
         starts, pairs = state
         warm = _warm_contact(numerics, x, fixed, edges, starts)
-        rises = shorter(_rises(warm, fixed, padded))
-        # Without losses there is rounding, which never settles.
-        rises = jnp.where(temperature + rises == temperature, 0, rises)
+        rises = _shorter(_rises(warm, fixed, padded), fixed.temperature)
         return rises, (warm.pressures, pairs + warm.found.num_fft_pairs)
 
     state = (start, None), jnp.zeros((), dtype)
@@ -87,8 +81,7 @@ def solve_heated(
     warm = _warm_contact(numerics, x, fixed, edges, starts)
     # One more step with twice the cells has less error, of the iteration and of the depths.
     rises = _rises(warm, fixed, finer)
-    # One that did not settle may cause temperatures that no material can have.
-    rises = jnp.where(point.error <= rtol, rises, jnp.clip(rises, jnp.min(x), most))
+    rises, settled, hottest = _possible(rises, x, most, point.error, rtol)
     closer = _warm_contact(numerics, rises, fixed, finer, warm.pressures).found
     errors = still(_errors(warm.found, closer))
     pairs = pairs + warm.found.num_fft_pairs + closer.num_fft_pairs
@@ -97,19 +90,18 @@ def solve_heated(
         known = still((warm.found.contact, warm.steady.contact))
 
         def image(given, x):
-            return shorter(
-                _rises(_warm_contact(numerics, x, given, edges, known=known), given, padded)
-            )
+            warm = _warm_contact(numerics, x, given, edges, known=known)
+            return _shorter(_rises(warm, given, padded), given.temperature)
 
         x = attach_fixed_point(image, given, x)
         warm = _warm_contact(numerics, x, given, edges, known=known)
-    solution = _ended(warm.found.contact, point.error <= rtol, has_reached(x, most), numerics.throw)
-    rises = x.reshape(len(case.bodies), -1)
+    solution = _ended(warm.found.contact, settled, hottest, numerics.throw)
+    surface, inside = _of_block(x, len(case.bodies))
     return dataclasses.replace(
         warm.found,
         contact=dataclasses.replace(solution, num_fft_pairs=pairs),
         problem=dataclasses.replace(warm.found.problem, facts=facts_of(case)),
-        heated=HeatedContact(rises[0, 0], rises[0, 1:], edges, point.error, *errors),
+        heated=HeatedContact(surface, inside, edges, point.error, *errors),
     )
 
 
@@ -155,10 +147,32 @@ def _ended(contact: ContactSolution, settled, hottest, throw: bool) -> ContactSo
     """A contact whose temperatures may not have settled, or have no limit."""
     ends = (settled | hottest, RESULTS.not_settled), (settled | ~hottest, RESULTS.too_hot)
     for good, end in ends:
-        if throw:
-            contact = required(contact, good, end.error_if)
-        contact = ended(contact, good, end)
+        contact = required(contact, good, end.error_if) if throw else ended(contact, good, end)
     return contact
+
+
+@compiled
+def _shorter(rises, temperature) -> Array:
+    """The rises of the cells of `_cells` without those that repeat the last edge."""
+    rises = rises.reshape(-1, 2 * NUM_CELLS + 1)[:, : NUM_CELLS + 1].ravel()
+    # Without losses there is rounding, which never settles.
+    return jnp.where(temperature + rises == temperature, 0, rises)
+
+
+@compiled
+def _possible(rises, x, most, error, rtol) -> tuple[Array, ...]:
+    """The rises; whether the iteration settled at x; and whether it reached the hottest."""
+    settled = error <= rtol
+    # One that did not settle may cause temperatures that no material can have.
+    rises = jnp.where(settled, rises, jnp.clip(rises, jnp.min(x), most))
+    return rises, settled, has_reached(x, most)
+
+
+@compiled
+def _of_block(x, num_bodies) -> tuple[Array, Array]:
+    """The rises of the surface of the block and of its cells."""
+    rises = x.reshape(num_bodies, -1)[0]
+    return rises[0], rises[1:]
 
 
 def _bulk_of(case: Case) -> Array:
@@ -208,14 +222,14 @@ def _mean_of(cycle: CyclicSliding) -> tuple[Array, Array]:
 def _errors(s: Sliding | CyclicSliding, closer: Sliding | CyclicSliding):
     """The errors of friction and contact area, from a contact of less error."""
     names = "mean_friction" if isinstance(s, CyclicSliding) else "friction", "contact_area"
-    changes = zip(s.compute(*names), closer.compute(*names), strict=True)
-    by_friction, by_area = (_SAFETY * jnp.max(jnp.abs(a - b)) for a, b in changes)
-    return by_friction, jnp.maximum(by_area, _in_doubt(s, closer.pressure - s.pressure))
+    return _by_changes(s.compute(*names), closer.compute(*names), s, closer.pressure)
 
 
 @compiled
-def _in_doubt(s: Sliding | CyclicSliding, change: Array) -> Array:
-    return area_in_doubt(indicator_of(s), change)
+def _by_changes(numbers, closer, s: Sliding | CyclicSliding, pressure: Array):
+    changes = zip(numbers, closer, strict=True)
+    by_friction, by_area = (_SAFETY * jnp.max(jnp.abs(a - b)) for a, b in changes)
+    return by_friction, jnp.maximum(by_area, area_in_doubt(indicator_of(s), pressure - s.pressure))
 
 
 @compiled

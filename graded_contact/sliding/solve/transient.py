@@ -21,7 +21,7 @@ def solve_transient(case: Case, how: Numerics, fields_at: Sequence[int]) -> Tran
     found = TransientSliding(**solved(transient_problem(case), how, kept))
     if not how.throw:
         return found
-    if is_concrete(found.failed) and np.ndim(found.failed) == 0 and found.failed >= 0:
+    if is_concrete(found.failed) and np.ndim(found.failed) == 0 and int(found.failed) >= 0:
         step = int(found.failed)
         raise RuntimeError(
             f"Step {step + 1} of {count}, which ends at {float(case.times[step]):.4g} s, failed: "

@@ -6,6 +6,8 @@ second order, so that a change is three times the error; but where the load or t
 once it is of first order, as large as the change, which the error therefore contains whole.
 """
 
+from functools import partial
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -34,13 +36,12 @@ def neighbours_in_time(found: Found) -> Neighbours:
     count, fewer = len(found.times), None
     if count >= 2 * _LEAST_STEPS:
         fewer = on_grid(found, found.grid.shape, found.problem.roughness, _halved_steps(count))
-    every = np.arange(count)
-    return neighbours_by(found, lambda shape, rough: on_grid(found, shape, rough, every), fewer)
+    return neighbours_by(found, partial(on_grid, found), fewer)
 
 
-def _halved_steps(count: int) -> np.ndarray:
+def _halved_steps(count: int) -> tuple[int, ...]:
     """Every second step, with the last one."""
-    return np.arange(count - 1, -1, -2)[::-1]
+    return tuple(range(count))[::-2][::-1]
 
 
 def _by_steps(name: str):
@@ -52,7 +53,7 @@ def _by_steps(name: str):
             return jnp.nan * own
         if own.ndim == 0:
             return _KEPT_BY_TIMES * jnp.abs(own - fewer.recorded[name])
-        chosen = _halved_steps(len(own))
+        chosen = np.array(_halved_steps(len(own)))
         change = jnp.abs(own[chosen] - fewer.recorded[name])
         change = jnp.where(jnp.isnan(change), jnp.abs(own[chosen]), change)
         columns = change.reshape(len(change), -1).T

@@ -7,13 +7,14 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import scipy
+from jaxtyping import Array
 
 from ...contacts.inputs import check_gap, loading_of
 from ...contacts.law import check_one_law
 from ...contacts.operators.operator import Field
-from ...contacts.solution import ContactSolution
 from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete, within
+from ...core.compilation import compiled
 from ...core.derivative import still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
@@ -27,7 +28,6 @@ from ..numerics import Numerics
 from ..shear import is_coupled, shear_stress
 from ..transient_problem import TransientProblem, steps_of
 from .run import run_transient
-from .steps import OF_STEPS
 
 _FIELDS = 4, 30  # of a body: for each node of its memory, and beside them
 _WINDOW = 1.4  # times these on a window, for the responses of its table
@@ -93,9 +93,12 @@ def _with_creeps(problem: TransientProblem) -> TransientProblem:
 
 
 def on_grid(
-    found: Found, shape: tuple[int, ...], rough: tuple[Field, ...], chosen: np.ndarray
+    found: Found,
+    shape: tuple[int, ...],
+    rough: tuple[Field, ...],
+    chosen: tuple[int, ...] | None = None,
 ) -> Found:
-    """Returns the transient solve of other heights on a grid of the cell, in fewer steps.
+    """Returns the transient solve of other heights on a grid of the cell, in all or fewer steps.
 
     `chosen` are the numbers of the steps whose ends stay.
     """
@@ -106,34 +109,29 @@ def on_grid(
         path = tuple(-(-n * new // old) for n, new, old in points)
     problem = dataclasses.replace(
         problem, heights=heights, block_heights=own[0] if own else None, path=path,
-        grid=Grid(shape, problem.grid.size), times=problem.times[chosen],
-        displacement=problem.displacement[chosen], given=problem.given[chosen],
+        grid=Grid(shape, problem.grid.size),
     )  # fmt: skip
-    if path is not None or len(chosen) < len(found.times):
+    kept = found.kept_steps
+    if chosen is not None:
+        kept = (len(chosen) - 1,)
+        of_steps = {name: getattr(problem, name) for name in ("times", "displacement", "given")}
+        problem = dataclasses.replace(problem, **_at(of_steps, chosen))
+    if path is not None or chosen is not None:
         problem = _with_creeps(problem)
     # Newton steps, which take long to compile, are not needed: each step starts close to its end.
     how = Numerics(rtol=NEIGHBOURS_RTOL, solver=DouglasRachford(newton=False), throw=False)
-    kept = found.kept_steps if len(chosen) == len(found.times) else (len(chosen) - 1,)
     return dataclasses.replace(found, **solved(problem, how, kept))
 
 
-def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
-    """Returns the fields of the result of a transient solve.
+@compiled
+def _at(of_steps: dict[str, Array], chosen: tuple[int, ...]) -> dict[str, Array]:
+    return {name: of_each[np.array(chosen)] for name, of_each in of_steps.items()}
 
-    The contact has the kept fields, and the errors of all steps.
-    """
-    state, numbers = run_transient(problem, how, kept)
-    pressure, gap, displacement, correction = state.kept
-    of_steps = {
-        name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
-        for name in OF_STEPS
-    }
-    contact = ContactSolution(
-        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
-        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
-        result=state.result, **of_steps,
-    )  # fmt: skip
+
+def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
+    """Returns the fields of the result of a transient solve."""
+    contact, numbers, failed = run_transient(problem, how, kept)
     return dict(
-        contact=contact, problem=problem, recorded=numbers, failed=state.failed, kept_steps=kept,
+        contact=contact, problem=problem, recorded=numbers, failed=failed, kept_steps=kept,
         bodies=problem.bodies,
     )  # fmt: skip

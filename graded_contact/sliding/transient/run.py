@@ -9,23 +9,28 @@ import math
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
+from ...contacts.solution import ContactSolution
 from ...core.compilation import compiled_loop
 from ...core.derivative import largest
 from ..formulas import lengths
 from ..numerics import Numerics
 from ..transient_problem import TransientProblem
 from .step_inputs import steps_given
-from .steps import STEP_CONTACT, Advance, TransientState
+from .steps import OF_STEPS, STEP_CONTACT, Advance
 from .waves import TransientWaves
 
 
 def run_transient(
     problem: TransientProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[TransientState, dict[str, Array]]:
-    """Returns the state after the last step, and the numbers of all steps."""
+) -> tuple[ContactSolution, dict[str, Array], Array]:
+    """Returns the contact, the numbers of all steps, and the first that failed.
+
+    The contact has the kept fields, and the errors of all steps.
+    """
     # The program is that of all bodies.
     return _run(dataclasses.replace(problem, bodies=(), measured_ranges=()), how, kept)
 
@@ -33,7 +38,7 @@ def run_transient(
 @compiled_loop
 def _run(
     problem: TransientProblem, how: Numerics, kept: tuple[int, ...]
-) -> tuple[TransientState, dict[str, Array]]:
+) -> tuple[ContactSolution, dict[str, Array], Array]:
     advance = Advance(problem, TransientWaves(problem), how)
     steps, count = steps_given(problem, kept), len(problem.times)
     # Each step of a segment is computed once more in a derivative in reverse.
@@ -53,7 +58,17 @@ def _run(
     segment = jax.checkpoint(segment, policy=policy)
     state, numbers = jax.lax.scan(segment, advance.init(len(kept)), jnp.arange(0, count, length))
     numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
-    return state, _of_whole(problem, numbers)
+    pressure, gap, displacement, correction = state.kept
+    of_steps = {
+        name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
+        for name in OF_STEPS
+    }
+    contact = ContactSolution(
+        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
+        result=state.result, **of_steps,
+    )  # fmt: skip
+    return contact, _of_whole(problem, numbers), state.failed
 
 
 def _of_whole(problem: TransientProblem, numbers: dict[str, Array]) -> dict[str, Array]:
