@@ -261,7 +261,7 @@ def asphalt(kind: str) -> gc.Prony:
     """Fitted to the creep compliance, or to its inverse as the "relaxation" modulus."""
     t = np.geomspace(1e-7, 1e7, 71)
     values = creep(t) if kind == "creep" else 1 / creep(t)
-    return gc.fit_prony(t, values, kind=kind, poisson=0.3).material
+    return gc.fit_prony(t, values, kind=kind, terms=12, poisson=0.3).material
 
 
 def pavement(top, x, y: float = 0.0, velocity: float = 0.0, nodes: int = 32) -> np.ndarray:

@@ -45,11 +45,11 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
 
 def test_smooth_area_is_exact_at_its_ends_and_has_finite_gradients_at_corners_of_contact():
     """One point alone in contact, with zero pressure, touches every guard."""
-    flat = area_of.cuts_of(jnp.zeros((16, 16)), True)
 
     @jax.jit
     @jax.value_and_grad
     def area(excess):
+        flat = area_of.cuts_of(jnp.zeros((16, 16)), True)
         return area_of.sub_pixel_area(excess, area_of.Edges(jnp.array(0.1), flat))
 
     everywhere = np.ones((16, 16))
@@ -82,20 +82,20 @@ def test_full_contact_friction_is_exact_for_a_rough_surface():
     s = sliding(contact, kernel, surface.heights, v)
     assert force > 0
     np.testing.assert_allclose(s.friction, force / load, rtol=1e-10)
-    np.testing.assert_allclose(geometric_friction(s), force / load, rtol=1e-9)
+    np.testing.assert_allclose(jax.jit(geometric_friction)(s), force / load, rtol=1e-9)
 
 
 def test_friction_of_all_waves_is_the_friction_and_the_dissipation():
-    velocity = jnp.array([0.06, -0.08])
+    velocity = np.array([0.06, -0.08])
     kernel = gc.stack_kernel(BODIES["three layers"], GRID, velocity)
     heights = rough(GRID).heights
     s = sliding(gc.solve_contact(kernel, heights, 0.05, **PLAIN), kernel, heights, velocity)
     total = s.friction
 
     (by_mode,) = losses(s)
-    assert jnp.min(by_mode) >= 0
-    speed = float(jnp.linalg.norm(jnp.atleast_1d(velocity)))
-    np.testing.assert_allclose(total * 0.05 * speed, jnp.sum(by_mode), rtol=1e-12, atol=1e-17)
+    assert np.min(by_mode) >= 0
+    speed = np.linalg.norm(velocity)
+    np.testing.assert_allclose(total * 0.05 * speed, np.sum(by_mode), rtol=1e-12, atol=1e-17)
     assert s.energy_imbalance <= 1e-14
 
     curve = gc.sliding.cumulative_friction(s)
@@ -116,7 +116,7 @@ def test_friction_of_two_waves_in_full_contact_rises_in_their_two_steps():
     kernel = gc.stack_kernel(BODIES["bare"], GRID, velocity)
     s = gc.solve_contact(kernel, heights, load, **PLAIN)
     curve = gc.sliding.cumulative_friction(sliding(s, kernel, heights, velocity))
-    q, mu = curve.cutoff, curve.friction
+    q, mu = np.asarray(curve.cutoff), np.asarray(curve.friction)
     expected = 0.0
     for (m, n), a in waves.items():
         qx, size = 2 * np.pi * m, 2 * np.pi * np.hypot(m, n)

@@ -37,25 +37,21 @@ mean_field = jax.jit(partial(gc.mean_field_friction, pressure=3e5, throw=False))
 
 
 def test_factors_follow_the_sweep_and_end_with_it():
-    omega = jnp.array([1.0, 1e3])
+    omega = np.array([1.0, 1e3])
+    soft = jax.jit(lambda soft, strain: at_strain(soft, strain).complex_modulus(omega))
+    linear_of = jax.jit(lambda kelvin: RUBBER.at(kelvin).complex_modulus(omega))
+    linear = linear_of(300.0)
     for strain in (0.0, 1e-4, 3e-3, 0.2, 2.0):
         clipped = np.log(np.clip(strain, 1e-3, 0.5))
         f, g = (
             np.exp(PchipInterpolator(np.log(STRAIN), np.log(values))(clipped))
             for values in (STORAGE, LOSS)
         )
-        modulus, linear = (
-            at_strain(SOFT, strain).complex_modulus(omega),
-            RUBBER.complex_modulus(omega),
-        )
+        modulus = soft(SOFT, strain)
         np.testing.assert_allclose(modulus.real, f * linear.real, rtol=1e-13)
         np.testing.assert_allclose(modulus.imag, g * linear.imag, rtol=1e-13)
-    warm = at_strain(SOFT.at(320.0), 0.1)
-    np.testing.assert_allclose(
-        warm.complex_modulus(omega).real,
-        0.45 * RUBBER.at(320.0).complex_modulus(omega).real,
-        rtol=1e-12,
-    )
+    warm = soft(SOFT.at(320.0), 0.1)
+    np.testing.assert_allclose(warm.real, 0.45 * linear_of(320.0).real, rtol=1e-12)
     assert at_strain(on(SOFT), 0.1).base.material.amplitude == 0.1
     elastic = StrainSoftening(gc.Elastic(1e6), STRAIN, STORAGE, LOSS, 0.1)
     np.testing.assert_allclose(elastic.complex_modulus(omega), 4.5e5)
@@ -83,7 +79,7 @@ def test_mean_field_matches_the_differential_equations():
     result = mean_field(half_space, SPECTRUM, velocity=0.05, strain_per_slope=0.7)
     np.testing.assert_allclose(result.friction, friction, rtol=1e-5)
     np.testing.assert_allclose(result.contact_area, area, rtol=1e-5)
-    linear = mean_field(half_space, SPECTRUM, velocity=0.05)
+    linear = mean_field(half_space, SPECTRUM, velocity=0.05, strain_per_slope=1e-9)
     assert result.contact_area > 1.2 * linear.contact_area
 
 

@@ -1,8 +1,10 @@
 """The page without a browser: its numbers are those of the scene, moved, pinned and saved."""
 
 import asyncio
+from functools import partial
 from types import SimpleNamespace
 
+import jax
 import numpy as np
 import param
 import pytest
@@ -111,7 +113,8 @@ def test_a_page_shows_the_contact_of_its_sliders_and_pins_a_curve(page, curves):
     for name in ("friction", "contact_area", "mean_gap"):
         assert page.numbers[name][0] == pytest.approx(float(getattr(found, name)), rel=1e-3)
     spectrum = gc.surfaces.isotropic_spectrum(case.surface)
-    theory = gc.mean_field_friction(case.stack, spectrum, pressure=1e5, velocity=0.1)
+    how = dict(pressure=1e5, velocity=0.1, throw=False)  # in `jit` of one number of intervals
+    theory = jax.jit(partial(gc.mean_field_friction, **how))(case.stack, spectrum)
     lines = page._lines[0]
     assert np.isclose(page.curve.velocity[12], 0.1)  # the curve stays where it was
     assert page.curve.friction[12] == pytest.approx(float(theory.friction), rel=1e-3)

@@ -68,7 +68,7 @@ def test_two_elastic_bodies_are_one_with_the_sum_of_compliances():
         two = slide(elastic(*first), elastic(*second))
         largest = float(one.pressure.max())
         np.testing.assert_allclose(two.pressure, one.pressure, atol=1e-9 * largest)
-        np.testing.assert_allclose(two.gap, one.gap, atol=1e-9 * float(jnp.std(ROUGH.heights)))
+        np.testing.assert_allclose(two.gap, one.gap, atol=1e-9 * np.std(ROUGH.heights))
     rigid = gc.slide(rubber(), ROUGH, pressure=LOAD, velocity=1.0, rtol=1e-10)
     np.testing.assert_allclose(slide(rubber()).friction, rigid.friction, rtol=1e-8)
     np.testing.assert_allclose(slide(rubber()).contact_area, rigid.contact_area, rtol=1e-8)
@@ -205,18 +205,19 @@ def test_stress_in_the_counterface_is_that_in_the_block_of_exchanged_bodies():
     soft, stiff = elastic(1.0), elastic(4.0, 0.45)
     depths = [0.0, 0.1]
     found = slide(soft, stiff, shear=Coulomb(0.3))
-    traction = shear_traction(found)
+    traction = jax.jit(shear_traction)(found)
     in_counterface = [
         stress_field(stiff, found.grid, found.pressure, depth, 0 * found.velocity, -traction).stress
         for depth in jnp.array(depths)
     ]
     exchanged = slide(stiff, soft, velocity=-1.0, shear=Coulomb(0.3))
     in_block = contact_stress(exchanged, depths)
-    scale = float(jnp.max(jnp.abs(in_block.stress)))
+    scale = np.max(np.abs(in_block.stress))
+    von_mises, tension = jax.jit(lambda at: (at.von_mises, at.tension))(in_block)
     np.testing.assert_allclose(in_counterface, in_block.stress, atol=1e-6 * scale)
-    assert jnp.max(in_block.von_mises) > 0.1 * LOAD
+    assert np.max(von_mises) > 0.1 * LOAD
     principal = np.linalg.eigvalsh(in_block.stress)[..., -1]
-    np.testing.assert_allclose(in_block.tension, principal, atol=1e-9 * scale)
+    np.testing.assert_allclose(tension, principal, atol=1e-9 * scale)
     np.testing.assert_allclose(in_block.shear[0], 0.3 * exchanged.pressure, atol=1e-3 * scale)
     open_edges = dataclasses.replace(found.problem, facts=frozenset({WINDOW}))
     with pytest.raises(ValueError, match="on a non-periodic surface"):

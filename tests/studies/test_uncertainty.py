@@ -76,7 +76,7 @@ def test_what_decides_friction_adds_up_to_what_pressure_does():
     i, step, width = int(np.argmax(found.loss)), 1e-4, np.log10(omega[1] / omega[0])
     for part in ("storage", "loss"):
         below, above = (
-            np.log(friction(eqx.tree_at(where, table, where(table).at[i].mul(np.exp(change)))))
+            np.log(friction(eqx.tree_at(where, table, where(table).at[i].mul(np.exp(change))), 1e5))
             for change in (-step, step)
             for where in [lambda table, part=part: getattr(table, part)]
         )
