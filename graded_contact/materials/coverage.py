@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, check_shape, is_concrete, numbers, optional
+from ..core.compilation import compiled
 from ..core.display import shown
 from .shift import NEAR, stretched
 
@@ -90,6 +91,7 @@ def unknown_share(lowest: Any, highest: Any, known: tuple[Any, Any]) -> Any:
     return jnp.where(inside >= 0, beyond, 1)  # NaN and ranges without an ω hold nothing
 
 
+@compiled
 def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
     """Returns the lowest and highest ω [rad/s] at which all materials in `tree` were measured.
 

@@ -20,6 +20,7 @@ from ...core.checks import (
     positive,
     scalar,
 )
+from ...core.compilation import compiled
 from ...fields.grid import Grid
 from .motion import CHOSEN_STEP, Motion, check_path
 from .over_period import components
@@ -51,9 +52,14 @@ def dwell(
     if num_times is None:
         num_times = math.ceil(_A_DECADE * math.log10(known("num_times", ratio))) + 1
     check_whole("num_times", num_times, 2)
+    return _at_rest(duration, first, num_times)
+
+
+@compiled
+def _at_rest(duration, first, num_times: int) -> Motion:
     # Equal steps as long as the first one, then in proportion: no step is shorter than the first.
     part = jnp.linspace(0, 1, num_times, dtype=duration.dtype)
-    grown = jnp.maximum(first * ratio**part, first * jnp.arange(1, num_times + 1))
+    grown = first * jnp.maximum((duration / first) ** part, jnp.arange(1, num_times + 1))
     times = jnp.minimum(grown * (duration / grown[-1]), duration)
     return Motion(jnp.zeros_like(times), times=times)
 
@@ -108,8 +114,14 @@ def start(
         num_times = max(math.ceil(known("num_times", way / grid.spacing[0]) / CHOSEN_STEP), 1)
     num_times = _STEPS if num_times is None else num_times
     check_whole("num_times", num_times, 1)
+    return _between(before, velocity, duration, num_times)
+
+
+@compiled
+def _between(before, after, duration, num_times: int) -> Motion:
+    """The motion from one velocity to another."""
     part = jnp.arange(1, num_times + 1, dtype=duration.dtype) / num_times
-    moved = before * part + (velocity - before) * (part**3 - part**4 / 2)
+    moved = before * part + (after - before) * (part**3 - part**4 / 2)
     return Motion(duration * moved, times=duration * part)
 
 

@@ -41,7 +41,7 @@ def solve_isothermal(
     """Returns the contact of a case without its heat; arguments as of `solve_contact`."""
     pose = cycle_problem if case.velocity is None else steady_problem
     problem, reached = pose(case)
-    load, ranges = case.load, tuple(map(_coverage, case.bodies))
+    load, ranges = case.load, tuple(map(coverage, case.bodies))
     problem = dataclasses.replace(problem, measured_ranges=ranges)
     if how.throw:  # under `jit` only the program itself can raise
         operator = problem.operator
@@ -105,4 +105,4 @@ def _lagged(
     return dataclasses.replace(found, contact=contact)
 
 
-_lift, _coverage = compiled(lift), compiled(coverage)
+_lift = compiled(lift)
