@@ -1,3 +1,5 @@
+import dataclasses
+
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
@@ -16,16 +18,27 @@ SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
 TREAD = gc.tyre_tread()
 
 
-def coated(thickness=100e-6, modulus=6.51e6):
-    return gc.Stack(
-        layers=(gc.Layer(gc.Elastic(modulus, 0.49), thickness),), base=gc.HalfSpace(TREAD)
-    )
+def tread(stress=1.0, time=1.0, strength=1.0):
+    """The tread with moduli, strengths and times changed by factors."""
+    equilibrium, strengths = stress * TREAD.equilibrium, stress * strength * TREAD.strengths
+    changed = dict(equilibrium=equilibrium, strengths=strengths, times=time * TREAD.times)
+    return dataclasses.replace(TREAD, **changed)
+
+
+def coated(thickness=100e-6, modulus=6.51e6, base=TREAD):
+    layers = (gc.Layer(gc.Elastic(modulus, 0.49), thickness),)
+    return gc.Stack(layers=layers, base=gc.HalfSpace(base))
+
+
+def slide(stack, surface=SURFACE, pressure=4e5, velocity=0.1, **how):
+    """With all numbers that tests ask for, in one program."""
+    s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, **how)
+    s.compute("friction", "energy_imbalance", "contact_area", "contact_area_pixels")
+    return s
 
 
 def test_main_job_gives_friction_and_area_of_a_coated_tread():
-    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
-    areas = "contact_area", "contact_area_pixels"
-    s.compute("friction", "energy_imbalance", *areas)  # by one program
+    s = slide(coated())
     assert s.result == gc.contacts.RESULTS.successful
     assert 0 < s.friction < 1
     assert 0 < s.contact_area < 1
@@ -38,11 +51,8 @@ def test_main_job_gives_friction_and_area_of_a_coated_tread():
 
 
 def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
-    rest = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.0)
-    relaxed = gc.Stack(
-        layers=coated().layers, base=gc.HalfSpace(gc.Elastic(TREAD.equilibrium, TREAD.poisson))
-    )
-    elastic = gc.slide(relaxed, SURFACE, pressure=4e5, velocity=5.0)
+    rest = slide(coated(), velocity=0.0)
+    elastic = slide(coated(base=tread(strength=1e-14)), velocity=5.0)
     np.testing.assert_allclose(rest.pressure, elastic.pressure, atol=1e-5 * rest.pressure.max())
     assert abs(rest.friction) <= 1e-13
     assert abs(elastic.friction) <= 1e-13
@@ -50,8 +60,7 @@ def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
 
 def test_along_an_oblique_velocity_a_solve_keeps_its_promise():
     """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
-    velocity = jnp.array([0.1, 0.05])
-    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=velocity, rtol=1e-11)
+    s = slide(coated(), velocity=np.array([0.1, 0.05]), rtol=1e-11)
     rms = np.std(SURFACE.heights)
     assert np.min(s.gap) >= -1e-11 * rms
     assert np.mean(np.abs(s.pressure * s.gap)) <= 1e-11 * 4e5 * rms
@@ -69,9 +78,8 @@ def test_along_an_oblique_velocity_a_solve_keeps_its_promise():
     modulus=st.floats(1e6, 1e9),
 )
 def test_friction_of_passive_stacks_is_never_negative(exponent, pressure, thickness, modulus):
-    s = gc.slide(
-        coated(thickness, modulus), SURFACE, pressure=pressure, velocity=10.0**exponent, rtol=1e-4
-    )
+    stack = coated(thickness, modulus)
+    s = slide(stack, pressure=pressure, velocity=10.0**exponent, rtol=1e-4)
     assert s.friction >= 0
     assert 0 <= s.contact_area <= 1
     assert s.energy_imbalance <= 1e-12
@@ -83,13 +91,9 @@ def test_units_scale_out(length, stress, time):
     length, stress, time = 10.0**length, 10.0**stress, 10.0**time
 
     def run(length, stress, time):
-        rubber = gc.Prony(1e6 * stress, np.array([9e6]) * stress, np.array([1e-2]) * time, 0.49)
-        stack = gc.Stack(
-            layers=(gc.Layer(gc.Elastic(1e6 * stress, 0.4), 1e-4 * length),),
-            base=gc.HalfSpace(rubber),
-        )
+        stack = coated(1e-4 * length, 1e6 * stress, tread(stress, time))
         surface = gc.Surface(SURFACE.heights * length, gc.Grid((16, 16), CELL * length))
-        return gc.slide(stack, surface, pressure=1e5 * stress, velocity=0.05 * length / time)
+        return slide(stack, surface, 1e5 * stress, 0.05 * length / time)
 
     one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
     np.testing.assert_allclose(other.friction, one.friction, rtol=1e-5)
