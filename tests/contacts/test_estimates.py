@@ -15,7 +15,12 @@ LOAD = 0.05
 
 
 def slide(**how: Any):
-    return gc.slide(BODIES["coated"], SURFACE, velocity=SPEED, **how)
+    """With all numbers of all tests, in one program."""
+    found = gc.slide(BODIES["coated"], SURFACE, velocity=SPEED, **how)
+    found.compute(
+        *(f"{name}{end}" for name in ("friction", "contact_area") for end in ("", "_error"))
+    )
+    return found
 
 
 def test_errors_of_loose_solves_are_within_their_claims():
