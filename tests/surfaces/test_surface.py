@@ -17,6 +17,7 @@ from graded_contact.surfaces.surface import Surface
 LENGTH = 1e-3
 Q0 = 2 * np.pi / LENGTH
 KEY = jax.random.key(7)
+density_of = jax.jit(lambda spectrum, q, ndim=2: spectrum.density(q, ndim), static_argnums=2)
 
 
 def _spectrum(dtype=None, **changes):
@@ -66,14 +67,14 @@ def test_moments_match_quadrature(hurst, order, ndim):
 def test_the_density_has_the_plateau_the_power_law_and_the_edges():
     spectrum = _spectrum(hurst=0.7)
     low, roll, high = (float(q) for q in (spectrum.q_low, spectrum.q_roll, spectrum.q_high))
-    q = jnp.array([0.0, 0.99 * low, low, roll, 2 * roll, high, 1.01 * high])
-    relative = spectrum.density(q) / spectrum.density(jnp.asarray(roll))
+    q = np.array([0.0, 0.99 * low, low, roll, 2 * roll, high, 1.01 * high])
+    relative = np.asarray(density_of(spectrum, q)) / density_of(spectrum, roll)
     expected = [0, 0, 1, 1, 2**-3.4, (high / roll) ** -3.4, 0]
     np.testing.assert_allclose(relative, expected, rtol=1e-12)
     # Without plateau, and without slope.
     for q_roll in (Q0, 10.5 * Q0):
         other = _spectrum(q_roll=q_roll)
-        total = _integral(lambda q, s=other: s.density(jnp.asarray(q)), other, 2)
+        total = _integral(lambda q, s=other: density_of(s, q), other, 2)
         np.testing.assert_allclose(total, 4e-12, rtol=1e-9)
     m0, m2 = (float(spectrum.moment(n)) for n in (0, 2))
     found = (spectrum.rms_height, spectrum.rms_slope)
@@ -116,7 +117,7 @@ def test_every_mode_of_an_exact_surface_has_the_target_amplitude(shape, size):
     surface = random_surface(spectrum, Grid(shape, jnp.asarray(size)), KEY)
     power, q = _plane_spectrum(surface)
     cell = np.prod(2 * np.pi / np.asarray(size))
-    expected = cell * np.asarray(spectrum.density(jnp.asarray(q), len(shape)))
+    expected = cell * np.asarray(density_of(spectrum, q, len(shape)))
     np.testing.assert_allclose(power, expected, rtol=1e-10, atol=1e-14 * expected.max())
     assert np.count_nonzero(expected) > 10
 
@@ -274,12 +275,12 @@ def test_a_smooth_roll_off_has_its_derivative_moments_and_slope():
     for ndim in (1, 2):
         spectrum = SelfAffine(rms_height=2e-6, **wide, roll_off="smooth")
         y = np.linspace(np.log(1e2), np.log(1e8), 2001)
-        q, c = np.exp(y), np.asarray(spectrum.density(jnp.exp(y), ndim))
+        q, c = np.exp(y), np.asarray(density_of(spectrum, np.exp(y), ndim))
         for order in (0, 2, 4):
             exact = simpson((2 * np.pi * q if ndim == 2 else 2) * q ** (order + 1) * c, x=y)
             np.testing.assert_allclose(spectrum.moment(order, ndim), exact, rtol=1e-8)
         np.testing.assert_allclose(spectrum.moment(0, ndim), 4e-12, rtol=1e-12)
-        ratio = spectrum.density(jnp.array([1e6, 1e7]), ndim)
+        ratio = np.asarray(density_of(spectrum, np.array([1e6, 1e7]), ndim))
         np.testing.assert_allclose(ratio[1] / ratio[0], 10.0 ** -(ndim + 1.4), rtol=1e-4)
     with pytest.raises((ValueError, TypeError), match="roll_off"):
         SelfAffine(rms_height=1.0, **EDGES, roll_off="round")
