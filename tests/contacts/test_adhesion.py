@@ -36,7 +36,6 @@ def at_gap(law, gap, start):
     return gc.solve_contact(KERNEL, LINE, **how)
 
 
-@jax.jit
 def at_load(law, load, kernel, heights):
     how = dict(law=law, rtol=1e-8, throw=False)
     how["solver"] = gc.contacts.DouglasRachford(max_steps=4000)
