@@ -245,11 +245,12 @@ def _field(field: FieldInputs, rules: Rules, acting) -> MeanField:
     """The mean field by a quadrature."""
     shear, temperature, heating = acting
     found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
-    return _assembled(*found, field.pressure, heated)
+    return _assembled(found, field.pressure, heated)
 
 
 @compiled
-def _assembled(q, x, friction, error, share, sheared, load, heated) -> MeanField:
+def _assembled(found, load, heated) -> MeanField:
+    q, x, friction, error, share, sheared = found
     return MeanField(
         friction=friction[-1] + sheared[-1],
         pressure_friction=friction[-1],
