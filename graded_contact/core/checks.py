@@ -55,15 +55,16 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
         if any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
             array = jnp.asarray(value)
         else:
-            array = np.asarray(value)
+            value = np.asarray(value)
             # Of whole numbers JAX keeps the last 32 or 64 bits.
-            array = array.astype(float) if array.dtype.kind in "iuO" else array
+            value = value.astype(float) if value.dtype.kind in "iuO" else value
+            array = jax.device_put(value)  # `asarray` compiles a program for each shape
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
         raise ValueError(f"`{name}` has dtype {array.dtype} and is refused: {needed}.")
-    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else float
-    return jnp.asarray(array, dtype=jnp.result_type(dtype))
+    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
+    return jnp.asarray(array, dtype=dtype)
 
 
 def as_scalar(value: Any, name: str) -> Float[Array, ""]:

@@ -65,10 +65,9 @@ from ..sliding.case import Case, Heating
 from ..sliding.shear import ShearLaw, shear_stress
 from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
-from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
-from .quadrature import FieldInputs, Rules, integrate
+from .quadrature import FieldInputs, Rules, end_frequencies, integrate
 from .roughness import smooth_edges
 
 RTOL = 1e-4
@@ -182,10 +181,8 @@ def mean_field_friction(
     for factor in (1, 2, 4, 8):
         rules = _quadrature_rules(field, correction, factor * num_wavenumbers, factor * num_angles)
         solution = _field(field, rules, acting)
-        if not is_concrete(solution.error):
-            break
-        error = np.asarray(solution.error)
-        # An infinite one is not of the quadrature.
+        # Inside `jit` the error is not known. An infinite one is not of the quadrature.
+        error = np.asarray(solution.error) if is_concrete(solution.error) else np.inf
         if not np.any((error > rtol) & (error < np.inf)):
             break
     return reached(solution, rtol) if throw else solution
@@ -289,7 +286,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """The results of `_integrated`, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
-    speed, ends = _ends(field.spectrum, field.velocity)
+    speed, ends = end_frequencies(field.spectrum, field.velocity)
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)
     check_profiles(field.stack, ends)
@@ -310,13 +307,6 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     q, x, friction, error, *rest = _integrated(rules, given, rises)
     scales = HeatedScales(rises[0], between_scales(rises[1:], q), change)
     return (q, x, friction, jnp.where(reached, error, jnp.inf), *rest), scales
-
-
-@compiled
-def _ends(spectrum: Spectrum, velocity) -> tuple[Array, Array]:
-    """The speed, and the lowest and the highest frequency: the longest wave has the lowest."""
-    edges, speed = smooth_edges(spectrum), direction_and_speed(velocity)[1]
-    return speed, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
 
 
 def _integrated(rules: Rules, given, rises=None):

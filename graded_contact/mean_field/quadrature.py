@@ -37,10 +37,10 @@ from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import graded_tolerance
 from ..surfaces.spectrum import between_ends
 from ..surfaces.spectrum_table import Spectrum
-from .angles import angles
+from .angles import LAST_COSINE, angles
 from .diffusion import Correction, area, mean_square_growth, slowed
 from .heating_by_scale import between_scales
-from .roughness import joined_edges, root_density, root_narrowing, turn_of
+from .roughness import joined_edges, root_density, root_narrowing, smooth_edges, turn_of
 
 
 class FieldInputs(eqx.Module):
@@ -70,6 +70,14 @@ class Rules(NamedTuple):
     correction: Correction
     num_wavenumbers: int
     num_angles: int
+
+
+@compiled
+def end_frequencies(spectrum: Spectrum, velocity: Array) -> tuple[Array, Array]:
+    """Returns the speed [m/s], and the lowest and the highest frequency of a spectrum [rad/s]."""
+    edges, speed = smooth_edges(spectrum), direction_and_speed(velocity)[1]
+    # The longest wave at the last angle has the lowest.
+    return speed, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]])
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .arrays import Heights, from_lines, step_of
 from .columns import Heading, quantity_named, understood
+from .heights import Heights, from_lines, step_of
 from .layouts import number_in, text_lines
 from .source import NotPlain, Source
 from .tables import DataTable, read_table

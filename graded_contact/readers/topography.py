@@ -16,8 +16,7 @@ from ..core.display import with_unit
 from ..core.files import read_file
 from ..surfaces.preparation import Periodic, surface_from_heights
 from ..surfaces.surface import Surface
-from .arrays import Heights, read_array, read_hdf5
-from .instruments import Unknown, read_instrument
+from .heights import Heights, Unknown, read_array, read_hdf5, read_instrument
 from .opencrg import is_road, read_road
 from .source import Layout, Source, damage_named, source_of
 from .text import read_matrix, read_points, words_above

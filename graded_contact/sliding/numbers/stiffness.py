@@ -94,12 +94,17 @@ def _periodic(found: Found) -> Found:
     return found
 
 
+def _cut(ratio: Array, ndim: int) -> Array:
+    """The distance of the last point in contact from the edge at which the field is cut."""
+    return 1 / (1 + ratio)
+
+
 @compiled
 def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     """The stiffness of the block under its traction, or with a kernel in the place of both."""
     operator = sliding.operator if kernel is None else Steady(kernel)
     indicator, edges = indicator_of(sliding), edges_of(sliding)
-    share = contact_shares(indicator, edges, lambda ratio, _: 1 / (1 + ratio))
+    share = contact_shares(indicator, edges, _cut)
     penalty = penalty_for(operator, jnp.mean(share), sliding.law)
     stiffness = edge_stiffness(operator.kernel[None], sliding.grid)[1]
     yielding = softness * _YIELDING[share.ndim] / stiffness

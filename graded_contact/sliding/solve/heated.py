@@ -161,7 +161,7 @@ def _shorter(rises, temperature) -> Array:
 
 @compiled
 def _possible(rises, x, most, error, rtol) -> tuple[Array, ...]:
-    """The rises; whether the iteration settled at x; and whether it reached the hottest."""
+    """Rises that materials can have; whether the iteration settled, and whether x is `most`."""
     settled = error <= rtol
     # One that did not settle may cause temperatures that no material can have.
     rises = jnp.where(settled, rises, jnp.clip(rises, jnp.min(x), most))
