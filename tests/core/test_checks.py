@@ -15,6 +15,15 @@ def test_as_float_gives_strong_floats_and_keeps_their_precision(value):
     assert not array.weak_type
     np.testing.assert_array_equal(array, np.asarray(value, float))
     assert as_float(jnp.ones(3, jnp.float16)).dtype == jnp.float16
+    with jax.enable_x64(False):  # without a warning
+        single = as_float(np.asarray(value, float))
+    assert single.dtype == jnp.float32
+
+
+@pytest.mark.parametrize("value", [["a"], [[1, 2], [3]], np.ones(2, np.longdouble), None])
+def test_what_jax_has_no_number_for_is_refused(value):
+    with pytest.raises(ValueError, match=r"`length=.* is refused: a number or"):
+        as_float(value, "length")
 
 
 def test_check_tolerance_refuses_what_precision_cannot_reach_with_the_remedy():
