@@ -10,13 +10,12 @@ from ...blocks.stack import Stack
 from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import CYCLE
+from ..case import HeatedContact
 from ..errors import neighbours
 from ..number import AbstractSliding
 from ..numbers import area, cycle, warnings
 from ..numbers import friction as of_friction
-from ..numbers import traction as tractions
 from ..problem import CycleProblem
-from .temperatures import HeatedContact
 
 
 @shown("contact", "warnings")
@@ -52,7 +51,7 @@ class CyclicSliding(AbstractSliding):
     work, work_error = cycle.work, cycle.work_error
     load_work, load_work_error = cycle.load_work, cycle.load_work_error
     dissipated_power, dissipated_power_error = cycle.dissipated_power, cycle.dissipated_power_error
-    counterface_power, interface_power = cycle.counterface_power, tractions.interface_power
+    counterface_power, interface_power = cycle.counterface_power, of_friction.interface_power
     surface_rise = of_friction.surface_rise
     contact_area, contact_area_error = area.contact_area, area.area_error_of_cycle
     contact_area_pixels, mean_gap = area.contact_area_pixels, area.mean_gap

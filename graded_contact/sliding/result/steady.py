@@ -10,13 +10,12 @@ from ...contacts.solution import ContactSolution
 from ...core.display import shown
 from ...core.quantities import STEADY
 from ...fields.frequency import direction_and_speed
+from ..case import HeatedContact
 from ..errors import neighbours
 from ..number import AbstractSliding
 from ..numbers import area, gap_flow, load, stiffness, warnings
 from ..numbers import friction as of_friction
-from ..numbers import traction as tractions
 from ..problem import SteadyProblem
-from .temperatures import HeatedContact
 
 
 @shown("contact", "warnings")
@@ -53,8 +52,8 @@ class Sliding(AbstractSliding):
     friction, friction_error = of_friction.friction, of_friction.friction_error
     pressure_friction = of_friction.pressure_friction
     shear_friction = of_friction.shear_friction
-    block_friction = tractions.block_friction
-    interface_friction = tractions.interface_friction
+    block_friction = of_friction.block_friction
+    interface_friction = of_friction.interface_friction
     surface_rise = of_friction.surface_rise
     contact_area, contact_area_error = area.contact_area, area.contact_area_error
     contact_area_pixels = area.contact_area_pixels

@@ -16,7 +16,6 @@ from ..number import AbstractSliding
 from ..numbers import area, cycle, gap_flow, warnings
 from ..numbers import friction as of_friction
 from ..transient import errors as of_steps
-from ..transient import numbers as transient
 from ..transient_problem import TransientProblem
 
 
@@ -53,11 +52,11 @@ class TransientSliding(AbstractSliding):
     shear_friction, mean_shear_friction = of_friction.shear_friction, cycle.mean_shear_friction
     mean_friction, mean_friction_error = cycle.mean_friction, of_steps.mean_friction_error
     peak_friction, peak_friction_error = cycle.peak_friction, of_steps.peak_friction_error
-    time_to_peak, time_since_change = transient.time_to_peak, transient.time_since_change
+    time_to_peak, time_since_change = of_steps.time_to_peak, of_steps.time_since_change
     traction, load, load_error = of_friction.traction, of_friction.load, of_steps.load_error
-    work_done, work_done_error = transient.work_done, of_steps.work_done_error
-    load_work_done, load_work_done_error = transient.load_work_done, of_steps.load_work_done_error
-    shear_work_done = transient.shear_work_done
+    work_done, work_done_error = of_steps.work_done, of_steps.work_done_error
+    load_work_done, load_work_done_error = of_steps.load_work_done, of_steps.load_work_done_error
+    shear_work_done = of_steps.shear_work_done
     contact_area, contact_area_error = area.contact_area, of_steps.contact_area_error
     contact_area_pixels = area.contact_area_pixels
     mean_gap, mean_gap_error = area.mean_gap, of_steps.mean_gap_error

@@ -10,7 +10,6 @@ import scipy
 from jaxtyping import Array
 
 from ...contacts.inputs import check_gap, loading_of
-from ...contacts.law import check_one_law
 from ...contacts.operators.operator import Field
 from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete, within
@@ -20,11 +19,10 @@ from ...core.memory import check_memory
 from ...fields.grid import Grid
 from ...kernels.memory import creep_of, node_count
 from ...materials.coverage import coverage
-from ..case import COUPLED, GROUND, Case, facts_of
+from ..case import COUPLED, GROUND, Case, Numerics, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
-from ..motion.over_period import components
+from ..motion.motion import components
 from ..number import Found
-from ..numerics import Numerics
 from ..shear import is_coupled, shear_stress
 from ..transient_problem import TransientProblem, steps_of
 from .run import run_transient
@@ -36,7 +34,6 @@ _WINDOW = 1.4  # times these on a window, for the responses of its table
 def transient_problem(case: Case) -> TransientProblem:
     """Returns the problem of a case with displacements at times."""
     surface, times = case.surface, case.times
-    check_one_law(case.law)
     grid, count = surface.grid, len(times)
     facts = facts_of(case)
     path = None if surface.periodic else _path_of(case)

@@ -16,8 +16,8 @@ from ...contacts.operators.operator import nonzero
 from ...contacts.solution import ContactSolution
 from ...core.compilation import compiled_loop
 from ...core.derivative import largest
+from ..case import Numerics
 from ..formulas import lengths
-from ..numerics import Numerics
 from ..transient_problem import TransientProblem
 from .step_inputs import steps_given
 from .steps import OF_STEPS, STEP_CONTACT, Advance
