@@ -21,7 +21,7 @@ from ..errors.neighbours import Neighbours, neighbours_by
 from ..errors.parts import over_number
 from ..formulas import lengths, shared
 from ..number import Formula, Found, observable
-from ..numbers.area import contact_area, mean_gap
+from ..numbers.contact import contact_area, mean_gap
 from ..numbers.cycle import mean_friction, peak_friction
 from ..numbers.friction import friction, load
 from .pose import on_grid
