@@ -19,8 +19,7 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 from ..core.checks import (
     Numbers,
     as_float,
-    check_increasing,
-    check_rows,
+    check_ascending,
     is_concrete,
     positive,
     scalar,
@@ -56,8 +55,7 @@ class StrainSoftening(AbstractMaterial):
     )
 
     def __check_init__(self):
-        check_rows(2, strain=self.strain, storage=self.storage, loss=self.loss)
-        check_increasing("strain", self.strain)
+        check_ascending(2, strain=self.strain, storage=self.storage, loss=self.loss)
 
     def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""
