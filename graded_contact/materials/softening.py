@@ -16,14 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_ascending,
-    is_concrete,
-    positive,
-    scalar,
-)
+from ..core.checks import Numbers, as_float, check_ascending, is_concrete, positive, scalar
 from ..core.spline import monotone_cubic
 from .material import AbstractMaterial, material_called
 
