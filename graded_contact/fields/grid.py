@@ -21,7 +21,7 @@ from jax.sharding import NamedSharding
 from jaxtyping import Bool, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, short
-from ..core.derivative import largest, root_or_zero
+from ..core.derivative import largest
 from ..core.display import shown
 from .devices import num_devices, put_on, sharding_on, whole_along
 from .transforms import to_field, to_spectrum
@@ -136,7 +136,11 @@ def odd_wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
 @jax.jit
 def wavenumber(grid: Grid) -> Float[Array, "..."]:
     """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
-    return root_or_zero(jnp.asarray(sum(component**2 for component in wavevector(grid))))
+    components = wavevector(grid)
+    squared = sum(component**2 for component in components)
+    # The root has no derivative at 0, so the mean is 1 before it and 0 after it.
+    zero = zero_mode(grid.shape)
+    return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
 
 
 def rings(grid: Grid) -> tuple[Float[Array, " rings"], Int[Array, "*half"]]:
