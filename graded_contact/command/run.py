@@ -85,12 +85,7 @@ def info(
 
 
 def run_into(
-    folder: Path,
-    name: str,
-    scene: Scene,
-    form: str,
-    full: bool = False,
-    workers: int | None = None,
+    folder: Path, name: str, scene: Scene, form: str, full: bool = False, workers: int | None = None
 ) -> None:
     """Runs a scene, prints its table, and writes its results and figures to a folder."""
     file = folder / f"{name}.h5"

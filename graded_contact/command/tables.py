@@ -118,4 +118,4 @@ def warnings_in(results: "Dataset") -> list[str]:
     kind = TRANSIENT if "field_time" in results.dims else kind
     known = lambda name: results[name].where(solved).values if name in results else zero  # noqa: E731
     of_surfaces = [*filter(None, results.attrs["warnings"].split("\n"))]
-    return of_surfaces + [warning.sentence for warning in warnings_of(KINDS[kind], known)]
+    return [*of_surfaces, *warnings_of(KINDS[kind], known)]

@@ -3,8 +3,7 @@
 No file of this room knows layers.
 """
 
-from .adhesion import AdhesiveLJ, ExponentialAdhesion
-from .law import AbstractLaw, HardWall, RepulsiveLJ
+from .law import AbstractLaw, AdhesiveLJ, ExponentialAdhesion, HardWall, RepulsiveLJ
 from .operators.operator import AbstractOperator, Solid, Steady
 from .solution import RESULTS, ContactSolution
 from .solve import solve_contact

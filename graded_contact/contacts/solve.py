@@ -6,6 +6,7 @@ wall σ >= 0, u >= 0, σ u = 0. Either the mean of σ is prescribed and the mean
 prescribed and the mean of σ follows.
 """
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -20,13 +21,14 @@ from ..fields.devices import num_devices, required
 from .adjoint import attach_gradient
 from .estimates import assess, contact_state, penalty_at
 from .inputs import as_start, check_heights, check_kernel, loading_on
-from .law import AbstractLaw, HardWall, check_one_law, depth_of_flow, never_overlaps
+from .law import AbstractLaw, HardWall, Windowed, depth_of_flow, never_overlaps
 from .operators.operator import nonzero
-from .operators.window import Window, operator_of
+from .operators.window import Window, operator_of, with_ground
 from .solution import RESULTS, ContactSolution, if_known
 from .solver.abstract_solver import (
     AbstractContactSolver,
     Inputs,
+    Loading,
     SolverOutput,
     in_precision,
     participation,
@@ -34,14 +36,13 @@ from .solver.abstract_solver import (
     softness,
 )
 from .solver.nested_solve import DouglasRachford
-from .window import on_part, on_whole
 
 # Default tolerances of the pressure. docs/performance.md has the errors of friction they leave.
 # 5e-5 takes 0.77 of the FFT pairs of 1e-6 (156 contacts).
 # In float32 rounding hid errors of 7e-5 (a periodic cell) and 2.4e-4 (a window) on 128² points.
 RTOL, SINGLE_RTOL = 5e-5, 5e-4
 # Slope of an attraction over the stiffness of the shortest wave, up to which all computed
-# equilibria were stable: see `adhesion.py`.
+# equilibria were stable: see `law.py`.
 _RESOLVED = 0.3
 # Tolerance of the linear solves of derivatives: its ratio to the tolerance of the pressure, and a
 # limit. True errors were 0.01 to 0.5 of it, with 0.58 of the pairs of the solve at 1e-3 and 0.83 at
@@ -117,7 +118,6 @@ def solve_contact(
         "heights", "a contact", CONTACT, cell, heights.dtype.itemsize, num_devices(heights)
     )
     check_kernel(operator.kernel, heights.shape, on_window, throw)
-    check_one_law(law)
     given = {"pressure": pressure, "mean_gap": mean_gap, "approach": approach}
     loading = loading_on(operator, law, heights, **given)
     start = as_start(start, heights, law)
@@ -129,9 +129,36 @@ def contact_of(inputs: Inputs, solver, rtol, derivative_rtol, start, solution, t
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
     if not isinstance(inputs.operator, Window):
         return _contact_on_cell(inputs, solver, rtol, derivative_rtol, start, solution, throw)
-    whole, start = on_whole(inputs, start if solution is None else solution.pressure)
+    whole, start = _on_whole(inputs, start if solution is None else solution.pressure)
     found = _contact_on_cell(whole, solver, rtol, derivative_rtol, start, None, throw)
-    return on_part(found, inputs)
+    return _on_part(found, inputs)
+
+
+def _on_whole(inputs: Inputs, start: Array | None) -> tuple[Inputs, Array | None]:
+    """Returns the inputs of the contact on the cell of a window, and its start.
+
+    The gap of the loading belongs to the undeformed block.
+    """
+    operator, heights, law, loading = inputs
+    if loading.gap is None:  # the mean over the cell, of which the window is a part
+        loading = Loading(loading.pressure / 2**heights.ndim, None)
+    else:
+        operator = with_ground(operator, heights.shape)
+    inputs = Inputs(operator, operator.on_cell(heights, "symmetric"), Windowed(law), loading)
+    return inputs, None if start is None else operator.on_cell(start)
+
+
+@compiled
+def _on_part(found: ContactSolution, inputs: Inputs) -> ContactSolution:
+    """Returns the contact on a window, and its means there, from the contact on the cell."""
+    fields = found.pressure, found.gap, found.displacement, found.correction
+    pressure, gap, moved, correction = map(inputs.operator.on_surface, fields)
+    opened = gap - depth_of_flow(inputs.law, pressure, gap)
+    moved = moved - jnp.mean(moved)  # of zero mean on the window
+    return dataclasses.replace(
+        found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(opened),
+    )  # fmt: skip
 
 
 def _contact_on_cell(inputs: Inputs, solver, rtol, derivative_rtol, start, solution, throw: bool):

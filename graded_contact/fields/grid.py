@@ -18,13 +18,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.sharding import NamedSharding
-from jaxtyping import Bool, Complex, Float, Inexact, Int
+from jaxtyping import Bool, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, short
 from ..core.derivative import largest
 from ..core.display import shown
-from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
+from .transforms import to_field, to_spectrum
 
 Waves = Inexact[Array, "*half"]  # one number for each wave of a half spectrum
 
@@ -202,16 +202,6 @@ def zero_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
 def _any(masks):
     """Combined by XLA: otherwise a constant as large as the grid would be compiled in."""
     return functools.reduce(jnp.logical_or, map(jnp.asarray, masks))
-
-
-def to_spectrum(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
-    """Returns the unnormalised half spectrum Σ_x f(x) exp(-i q·x)."""
-    return _fft.rfftn(field)
-
-
-def to_field(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
-    """Returns the real field of a half spectrum, the inverse of `to_spectrum`."""
-    return _fft.irfftn(spectrum, shape)
 
 
 def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Array, "*shape"]:

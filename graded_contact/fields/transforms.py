@@ -15,8 +15,8 @@ from jaxtyping import Complex, Float
 from .devices import ROWS, mesh_of, padded, whole_along
 
 
-def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
-    """Returns the unnormalised half spectrum of a real field over all its axes."""
+def to_spectrum(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
+    """Returns the unnormalised half spectrum Σ_x f(x) exp(-i q·x)."""
     mesh = mesh_of(field)
     if mesh is None:
         return jnp.fft.rfftn(field)
@@ -33,15 +33,15 @@ def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
     return whole_along(transform(padded(field, 0, mesh.size))[:, : columns // 2 + 1], 0)
 
 
-def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
-    """Returns the real field of a half spectrum, divided by the number of points."""
+def to_field(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
+    """Returns the real field of a half spectrum, the inverse of `to_spectrum`."""
     mesh = mesh_of(spectrum)
     if mesh is None:
         return jnp.fft.irfftn(spectrum, shape)
 
     @partial(jax.shard_map, mesh=mesh, in_specs=Spec(None, ROWS), out_specs=Spec(ROWS))
     def transform(block):
-        # Columns first, as they are whole here: the reverse of `rfftn`.
+        # Columns first, as they are whole here: the reverse of `to_spectrum`.
         half = padded(jnp.fft.ifft(block, axis=0), 0, mesh.size)
         half = jax.lax.all_to_all(half, ROWS, 0, 1, tiled=True)
         return jnp.fft.irfft(half[:, : shape[-1] // 2 + 1], shape[-1])

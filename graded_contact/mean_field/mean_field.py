@@ -69,8 +69,7 @@ from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.spectrum_table import Spectrum, SpectrumTable
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
-from .quadrature import FieldInputs, Rules, end_frequencies, integrate
-from .roughness import smooth_edges
+from .quadrature import FieldInputs, Rules, end_frequencies, integrate, smooth_edges
 
 RTOL = 1e-4
 NO_FIELD = (

@@ -14,16 +14,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Of each kind of measurement: the names of its channels, and the ordinate.
-CHANNEL_NAMES = {
-    "frequency": ("storage modulus", "loss modulus"),
-    "relaxation": ("relaxation modulus",),
-    "creep": ("creep compliance",),
-}
-ORDINATES = {
-    "frequency": "modulus [Pa]",
-    "relaxation": "modulus [Pa]",
-    "creep": "compliance [1/Pa]",
+# Of each kind of measurement: the ordinate, and the names of its channels.
+CHANNELS = {
+    "frequency": ("modulus [Pa]", "storage modulus", "loss modulus"),
+    "relaxation": ("modulus [Pa]", "relaxation modulus"),
+    "creep": ("compliance [1/Pa]", "creep compliance"),
 }
 
 
@@ -47,7 +42,7 @@ def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
     # Only moduli over frequency have limits, one pair for each channel.
     lower, upper = fit.confidence(fine) if frequency else (fine, fine)
     limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
-    names = CHANNEL_NAMES[fit.data.kind]
+    ordinate, *names = CHANNELS[fit.data.kind]
     for i, (name, colour) in enumerate(zip(names, colours_of(len(names)), strict=True)):
         known = np.asarray(fit.data.weights[i]) > 0
         measured = np.asarray(fit.data.values[i])
@@ -59,7 +54,7 @@ def plot_fit(fit: PronyFit, *, axes: Any = None) -> "Figure":
         # In logarithms a modulus that is too large by a factor weighs like one too small.
         residual = 100 * np.log(fitted[i] / measured)
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
-    above.set(xscale="log", yscale="log", ylabel=ORDINATES[fit.data.kind])
+    above.set(xscale="log", yscale="log", ylabel=ordinate)
     below.axhline(0, color="black", linewidth=0.6)
     words = r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]"
     below.set(xlabel=words, ylabel="ln(fit/measured)\n[%]")
@@ -95,11 +90,12 @@ def plot_master_curve(curve: MasterCurve, *, axes: Any = None) -> "Figure":
     x = np.asarray(shifted.x)
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
     series = np.asarray(curve.fit.predict(fine))
-    for line, name, dash in zip(series, CHANNEL_NAMES[shifted.kind], ("-", "--"), strict=False):
+    ordinate, *names = CHANNELS[shifted.kind]
+    for line, name, dash in zip(series, names, ("-", "--"), strict=False):
         after.plot(fine, line, color="black", linewidth=0.8, linestyle=dash, label=name)
     reference = float(curve.temperatures[curve.isotherms.reference])
     before.set(xlabel=r"$\omega$ [rad/s]" if frequency else "$t$ [s]", title="as measured")
-    before.set_ylabel(ORDINATES[shifted.kind])
+    before.set_ylabel(ordinate)
     after.set(
         xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
         title=f"shifted to {kelvin(reference)}",

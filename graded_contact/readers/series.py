@@ -27,10 +27,7 @@ _OVER_TIME = {
     "displacements": Heading("length", r"s|x|displacements?|position|way"),
     "pressures": Heading("pressure", r"p|pressures?|load"),
 }
-_HEADS = {
-    "displacements": "time [ms], displacement [mm]",
-    "pressures": "time [s], pressure [kPa]",
-}
+_HEADS = {"displacements": "time [ms], displacement [mm]", "pressures": "time [s], pressure [kPa]"}
 
 
 @shown("name", "velocity", "friction", "error", "temperature", unset=False)
@@ -84,10 +81,7 @@ def read_friction(
 
 
 def read_motion(
-    path: os.PathLike,
-    period: ScalarLike,
-    num_times: int | None = None,
-    grid: Grid | None = None,
+    path: os.PathLike, period: ScalarLike, num_times: int | None = None, grid: Grid | None = None
 ) -> Motion:
     """Returns the motion of a table, see `recorded`.
 

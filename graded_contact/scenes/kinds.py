@@ -8,21 +8,13 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
+from .. import materials
 from ..blocks import Free, GradedLayer, HalfSpace, Layer, Rigid
 from ..blocks.profile import Blend
 from ..blocks.shapes import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..contacts import AdhesiveLJ, ExponentialAdhesion, HardWall, RepulsiveLJ
 from ..core.checks import check_positive
 from ..fields.grid import Grid
-from ..materials import (
-    AbstractShift,
-    BulkShear,
-    Elastic,
-    Prony,
-    StrainSoftening,
-    Tabulated,
-    tyre_tread,
-)
 from ..materials.coverage import MeasuredRange
 from ..materials.shift import LAWS
 from ..readers import read_moduli, read_surface
@@ -37,11 +29,14 @@ DrawSurface = Callable[[ArrayLike], Surface]  # from a seed
 
 @with_keys_of(read_moduli)
 def tabulated(
-    path: os.PathLike, poisson: float = 0.5, shift: AbstractShift | None = None, **reading: Any
-) -> Tabulated:
+    path: os.PathLike,
+    poisson: float = 0.5,
+    shift: materials.AbstractShift | None = None,
+    **reading: Any,
+) -> materials.Tabulated:
     """Returns the material of a table of moduli over frequency, see `read_moduli`."""
     found = read_moduli(path, poisson=poisson, **reading)
-    return Tabulated(*found.table(), poisson, shift=shift)
+    return materials.Tabulated(*found.table(), poisson, shift=shift)
 
 
 @with_keys_of(SelfAffine)
@@ -78,12 +73,12 @@ def read_transient(path: os.PathLike, grid: Grid) -> Motion:
 
 
 MATERIALS = {
-    "elastic": Elastic,
-    "prony": Prony,
-    "prony_creep": Prony.from_creep,
-    "tyre_tread": tyre_tread,
-    "bulk_shear": BulkShear,
-    "softened": StrainSoftening,
+    "elastic": materials.Elastic,
+    "prony": materials.Prony,
+    "prony_creep": materials.Prony.from_creep,
+    "tyre_tread": materials.tyre_tread,
+    "bulk_shear": materials.BulkShear,
+    "softened": materials.StrainSoftening,
     "tabulated": tabulated,
 }
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}

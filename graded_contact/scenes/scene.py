@@ -31,29 +31,8 @@ from ..sliding.number import observables_in
 from ..sliding.result import KINDS
 from ..sliding.shear import SHEARS
 from ..surfaces import Surface
+from . import kinds, loads
 from .builder import Builder, check_table, in_table, kind_of, tables_of
-from .kinds import (
-    BASES,
-    CONTACT_LAWS,
-    GRADED_SOLVERS,
-    MATERIALS,
-    NESTED,
-    SURFACES,
-    DrawSurface,
-    layer_of,
-)
-from .loads import (
-    AXES,
-    OPTIONS,
-    LoadOverTime,
-    axis_of,
-    line_along,
-    load_axes,
-    load_over_time,
-    motion_of,
-    turned,
-    with_corners,
-)
 from .outputs import Observe, Output
 
 NEEDED = ("surface", "materials", "base", "load")
@@ -86,11 +65,11 @@ class Scene:
     text: str
     title: str
     bodies: TwoBodies
-    surface: Surface | DrawSurface
+    surface: Surface | kinds.DrawSurface
     block_surface: Surface | None
     axes: dict[str, Float[np.ndarray, " values"]]
     motion: Motion | None
-    load_over_time: LoadOverTime | None
+    load_over_time: loads.LoadOverTime | None
     options: dict[str, Any]
     fluid: Fluid | None
     observe: Observe
@@ -124,7 +103,7 @@ class Scene:
             return Case(velocity=velocity_along(point["velocity"], direction), **given)
         if self.load_over_time is not None:
             given["pressure"] = given["pressure"] * self.load_over_time.at(motion)
-        given["displacement"] = turned(motion.displacement, direction)
+        given["displacement"] = loads.turned(motion.displacement, direction)
         if not motion.repeats:
             return Case(times=np.asarray(motion.times), **given)
         period = motion.period
@@ -145,7 +124,7 @@ class Scene:
 
 def is_path(axis: str) -> bool:
     """Returns whether an axis is the path of a number of a body."""
-    return axis not in (*AXES, "seed")
+    return axis not in (*loads.AXES, "seed")
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
@@ -166,23 +145,23 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     for name in NEEDED:
         if name not in tables:
             raise ValueError(f"[the scene] lacks the table [{name}].")
-    builder = Builder(Path(folder), NESTED)
+    builder = Builder(Path(folder), kinds.NESTED)
     for name, table in tables["materials"].items():
-        builder.materials[name] = builder.build_kind(f"materials.{name}", table, MATERIALS)
+        builder.materials[name] = builder.build_kind(f"materials.{name}", table, kinds.MATERIALS)
     numerics, graded_solver = numerics_of(builder, tables.get("solver", {}))
     grid = builder.build("grid", tables["grid"], Grid) if "grid" in tables else None
     surface, seeds = surface_of(builder, "surface", tables["surface"], grid)
     load, sweep = tables["load"], tables.get("sweep", {})
-    axes = {path: axis_of("sweep", path, values) for path, values in sweep.items()}
-    axes = axes | seeds | load_axes(load)
+    axes = {path: loads.axis_of("sweep", path, values) for path, values in sweep.items()}
+    axes = axes | seeds | loads.load_axes(load)
     first = surface if isinstance(surface, Surface) else surface(seeds["seed"][0])
-    line = line_along(first.grid, axes.get("direction", 0.0))
-    motion = motion_of(builder, tables.get("motion"), line)
-    over_time, highest = load_over_time(builder, load, motion)
+    line = loads.line_along(first.grid, axes.get("direction", 0.0))
+    motion = loads.motion_of(builder, tables.get("motion"), line)
+    over_time, highest = loads.load_over_time(builder, load, motion)
     if highest is not None:
         axes["pressure"] = np.array([highest])
     if motion is not None and not motion.repeats:
-        motion = motion if over_time is None else with_corners(motion, over_time)
+        motion = motion if over_time is None else loads.with_corners(motion, over_time)
         if "velocity" in axes:
             raise ValueError("[load] `velocity` is not for [[motion]], which has its own.")
     elif motion is None and "velocity" not in axes:
@@ -227,17 +206,17 @@ def numerics_of(builder: Builder, table: Any) -> tuple[Numerics, Any]:
         with in_table("solver"):
             check_tolerance("rtol", rtol, as_float(1.0))
     if graded is not None:
-        graded = builder.build_kind("solver.graded_solver", graded, GRADED_SOLVERS)
+        graded = builder.build_kind("solver.graded_solver", graded, kinds.GRADED_SOLVERS)
     return Numerics(rtol=rtol, solver=solver, throw=False), graded
 
 
 def options_of(builder: Builder, tables: dict[str, Any]) -> dict[str, Any]:
     """Returns the options of a `Case` in the tables of a scene."""
     options: dict[str, Any] = {"law": HardWall()}
-    options |= {name: tables["load"][name] for name in OPTIONS if name in tables["load"]}
-    for name, kinds in (("law", CONTACT_LAWS), ("shear", SHEARS)):
+    options |= {name: tables["load"][name] for name in loads.OPTIONS if name in tables["load"]}
+    for name, known in (("law", kinds.CONTACT_LAWS), ("shear", SHEARS)):
         if name in tables:
-            options[name] = builder.build_kind(name, tables[name], kinds)
+            options[name] = builder.build_kind(name, tables[name], known)
     if "heating" in tables:
         options["heating"] = builder.build("heating", tables["heating"], Heating)
     return options
@@ -252,19 +231,19 @@ def body_of(builder: Builder, owner: str, tables: Any, graded_solver: Any) -> An
     if "base" not in tables:
         raise ValueError(f"[{owner[:-1]}] lacks the table `base`.")
     layers = [
-        layer_of(builder, place, table)
+        kinds.layer_of(builder, place, table)
         for place, table in tables_of(f"{owner}layers", tables.get("layers", [])).items()
     ]
-    base = builder.build_kind(f"{owner}base", tables["base"], BASES)
+    base = builder.build_kind(f"{owner}base", tables["base"], kinds.BASES)
     with in_table(f"{owner}base"):
         return Stack(layers=layers, base=base, graded_solver=graded_solver)
 
 
 def surface_of(
     builder: Builder, place: str, table: Any, grid: Grid | None
-) -> tuple[Surface | DrawSurface, dict[str, np.ndarray]]:
+) -> tuple[Surface | kinds.DrawSurface, dict[str, np.ndarray]]:
     """Returns a surface; of several seeds, the function that draws it and the axis "seed"."""
-    kind, own = kind_of(place, table, SURFACES)
+    kind, own = kind_of(place, table, kinds.SURFACES)
     if kind == "file" and place == "surface" and grid is not None:
         raise ValueError("[grid] is not for a surface from a file: `shape` sets its points.")
     if kind != "file" and grid is None:
@@ -273,7 +252,7 @@ def surface_of(
     with in_table(place):
         check_whole("seed", seed, 0)
         check_whole("seeds", count, 1)
-    made = builder.build_kind(place, {"kind": kind, **own}, SURFACES, grid=grid)
+    made = builder.build_kind(place, {"kind": kind, **own}, kinds.SURFACES, grid=grid)
     if isinstance(made, Surface):
         return made, {}
     with in_table(place):

@@ -21,7 +21,7 @@ large, so that the loop contracts.
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple, TypeGuard
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -59,7 +59,7 @@ def in_both(path: str) -> str:
 
 
 class Coupling(eqx.Module):
-    """How traction moves the surface of a body.
+    """How traction moves the surface of a body: not at all by default.
 
     **Fields:**
 
@@ -68,9 +68,14 @@ class Coupling(eqx.Module):
     - `in_kernel`: whether the kernel of the body contains the traction. Static.
     """
 
-    lift: tuple[Waves, ...]
-    along: tuple[tuple[Waves, ...], ...]
+    lift: tuple[Waves, ...] = ()
+    along: tuple[tuple[Waves, ...], ...] = ()
     in_kernel: bool = eqx.field(default=False, static=True)
+
+    @property
+    def lags(self) -> bool:
+        """Whether a traction that is no part of the kernel moves the surface."""
+        return bool(self.lift) and not self.in_kernel
 
     def lifted(self, operator: AbstractOperator, tractions: Sequence[Field]) -> Field:
         """Returns the displacement along z under tractions [m]."""
@@ -86,7 +91,7 @@ class Coupling(eqx.Module):
         """
         pressed, *sheared = (operator.to_waves(f) / pressure.size for f in (pressure, *tractions))
         down = operator.compliance * pressed
-        if not self.in_kernel:
+        if self.lags:
             down = down + self._lifted(sheared)
         moved = [
             functools.reduce(jnp.add, map(jnp.multiply, row, sheared), -lift * pressed)
@@ -98,11 +103,6 @@ class Coupling(eqx.Module):
         return functools.reduce(jnp.add, map(jnp.multiply, self.lift, sheared))
 
 
-def lags(coupling: Coupling | None) -> TypeGuard[Coupling]:
-    """Returns whether a traction that is no part of the kernel moves the surface."""
-    return coupling is not None and not coupling.in_kernel
-
-
 class Counterface(eqx.Module):
     """How the counterface deforms, in waves at rest under the surface; z counts into the
     counterface.
@@ -112,13 +112,13 @@ class Counterface(eqx.Module):
     - `operator`: M_zz, in a cycle over its frequencies; with `coupling.in_kernel` it contains the
       traction.
     - `in_kernel`: the part of M that the kernel of the contact contains [m/Pa].
-    - `coupling`: how the traction on the counterface moves its surface, or None.
+    - `coupling`: how the traction on the counterface moves its surface.
     - `lags`: whether `in_kernel` is not all of M. Static.
     """
 
     operator: AbstractOperator
     in_kernel: Waves
-    coupling: Coupling | None = None
+    coupling: Coupling = Coupling()
     lags: bool = eqx.field(default=False, static=True)
 
     def beside(self, block: SpaceTime) -> SpaceTime:
@@ -128,7 +128,7 @@ class Counterface(eqx.Module):
     def displace(self, pressure: Field, tractions: Sequence[Field]) -> Field:
         """Returns w_c [m] under the pressure and the tractions on the counterface."""
         moved = self.operator.displace(pressure)
-        if lags(self.coupling):
+        if self.coupling.lags:
             moved = moved + self.coupling.lifted(self.operator, tractions)
         return moved
 
@@ -138,7 +138,7 @@ class Counterface(eqx.Module):
         if self.lags:
             lacking = self.operator.compliance - self.in_kernel
             rest = self.operator.filtered(lacking, pressure)
-        if lags(self.coupling):
+        if self.coupling.lags:
             rest = rest + self.coupling.lifted(self.operator, tractions)
         return rest
 
@@ -166,8 +166,6 @@ def middle_of(kernel: Inexact[Array, "nt *half"]) -> Float[Array, "*half"]:
     return (jnp.max(kernel.real, axis=0) + jnp.min(kernel.real, axis=0)) / 2
 
 
-def coupling_on(
-    coupling: Coupling | None, old: tuple[int, ...], new: tuple[int, ...]
-) -> Coupling | None:
+def coupling_on(coupling: Coupling, old: tuple[int, ...], new: tuple[int, ...]) -> Coupling:
     """Returns a coupling on another cell, with the waves that both resolve."""
     return jax.tree.map(lambda waves: resample_spectrum(waves, old, new), coupling)

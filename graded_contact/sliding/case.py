@@ -1,16 +1,23 @@
 """A case: everything that decides the numbers of one contact under sliding, and nothing else.
 
-Facts of a case decide which numbers of its contact are printed and stored.
+Facts of a case decide which numbers of its contact are printed and stored, `Numerics` how large
+their errors are.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import AbstractLaw, HardWall
+from ..contacts.solve import default_rtol
+from ..contacts.solver.abstract_solver import AbstractContactSolver
+from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import (
     Numbers,
     as_float,
@@ -73,6 +80,28 @@ class Heating(eqx.Module):
             check_positive("counterface_conductivity", self.counterface_conductivity, "[W/(m K)]")
         allowed = "a conductivity [W/(m K)] is zero or positive"
         check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
+
+
+@shown()
+class HeatedContact(eqx.Module):
+    """The temperatures of a heated contact.
+
+    **Fields:**
+
+    - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
+    - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
+    - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
+    - `error`: change of the temperatures in the last step over the largest rise [1].
+    - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
+      and by the finite number of cells.
+    """
+
+    surface_rise: Float[Array, ""]
+    rises: Float[Array, " cells"]
+    edges: Float[Array, " edges"]
+    error: Float[Array, ""]
+    friction_error: Float[Array, ""]
+    area_error: Float[Array, ""]
 
 
 @shown(units=False)
@@ -215,6 +244,37 @@ class Case(eqx.Module):
     def load(self) -> dict[str, Any]:
         """Pressure [Pa], mean gap and approach [m], of which one is not None."""
         return {"pressure": self.pressure, "mean_gap": self.mean_gap, "approach": self.approach}
+
+
+class Numerics(eqx.Module):
+    """How a contact is computed; it decides the errors of the numbers, nothing else.
+
+    **Fields:**
+
+    - `rtol`: requested relative error of the pressure [1]; None means 5e-5, or 5e-4 in float32.
+      Static.
+    - `solver`: of the contact, see `DouglasRachford`, or `AbstractContactSolver` to write one.
+    - `derivative_rtol`: relative error of a derivative of the pressure [1]; None means twenty times
+      `rtol`, at most 1e-3. Static.
+    - `throw`: whether to raise if a solve or a kernel fails; with False see `.result`. Static.
+    """
+
+    rtol: Any = eqx.field(default=None, static=True)  # a number once `of` is called
+    solver: AbstractContactSolver = DouglasRachford()
+    derivative_rtol: float | None = eqx.field(default=None, static=True)
+    throw: bool = eqx.field(default=True, static=True)
+
+    def __check_init__(self):
+        check_type("solver", self.solver, AbstractContactSolver)
+        check_type("throw", self.throw, bool)
+
+    def of(self, *given: Any) -> "Numerics":
+        """Returns a copy whose `rtol=None` is replaced by the default for the dtype of `given`."""
+        if self.rtol is not None:
+            return self
+        # The most precise of their numbers decides in which precision a contact is computed.
+        leaves = jax.tree.leaves(eqx.filter(given, eqx.is_inexact_array))
+        return dataclasses.replace(self, rtol=default_rtol(jnp.result_type(*leaves)))
 
 
 def facts_of(case: Case) -> frozenset[str]:

@@ -19,7 +19,7 @@ from ..fields.frequency import wave_frequencies
 from ..fields.grid import multiplicity
 from .bodies import Coupling
 from .formulas import loaded, shared, tractions_on
-from .motion.over_period import odd_frequencies
+from .motion.motion import odd_frequencies
 from .number import Found
 from .problem import SteadyProblem
 
@@ -30,12 +30,12 @@ class Body(NamedTuple):
     **Fields:**
 
     - `operator`: M_zz [m/Pa].
-    - `coupling`: how traction moves the surface, or None.
-    - `tractions`: on this body [Pa], with `coupling`.
+    - `coupling`: how traction moves the surface.
+    - `tractions`: on this body that move it [Pa].
     """
 
     operator: AbstractOperator
-    coupling: Coupling | None
+    coupling: Coupling
     tractions: list[Array]
 
 
@@ -53,7 +53,7 @@ def frequencies(found: Found) -> Array:
 @shared
 def bodies_of(found: Found) -> list[Body]:
     """The bodies that take power: the block, and in a cycle the counterface, unless it is rigid."""
-    tractions = [] if found.coupling is None else tractions_on(found)
+    tractions = tractions_on(found) if found.coupling.lift else []
     block = Body(found.problem.block, found.coupling, tractions)
     counterface = found.problem.counterface
     if counterface is None or isinstance(found.problem, SteadyProblem):
@@ -65,18 +65,15 @@ def bodies_of(found: Found) -> list[Body]:
 def waves_of(found: Found) -> list[tuple[list[Array], list[Array]]]:
     """For each body, waves of pressure and tractions [Pa], and of the displacements [m]."""
     pressure = loaded(found)[0]
-    return [
-        body.coupling.waves(body.operator, pressure, body.tractions)
-        for body in bodies_of(found)
-        if body.coupling is not None
-    ]
+    bodies = bodies_of(found)
+    return [body.coupling.waves(body.operator, pressure, body.tractions) for body in bodies]
 
 
 @shared
 def losses(found: Found) -> list[Array]:
     """The power lost in each wave and its conjugate [W/m²], on the half spectrum, for each body."""
     pressure, omega = loaded(found)[0], frequencies(found)
-    if found.coupling is None:
+    if not found.coupling.lift:  # an elastic body loses nothing, not even by rounding
         return [body.operator.dissipation(pressure, omega) for body in bodies_of(found)]
     lost = []
     for forces, moved in waves_of(found):
@@ -88,15 +85,7 @@ def losses(found: Found) -> list[Array]:
 @shared
 def exchange(found: Found) -> tuple[Array, Array]:
     """Power that the pressure exchanges with the bodies, and the sum of its sizes [W/m²]."""
-    pressure, omega = loaded(found)[0], frequencies(found)
-    if found.coupling is None:
-        rates = [
-            body.operator.filtered(1j * omega * body.operator.compliance, pressure)
-            for body in bodies_of(found)
-        ]
-    else:
-        rates = [rates[0] for rates in rates_of(found)]
-    powers = [pressure * rate for rate in rates]
+    powers = [loaded(found)[0] * rates[0] for rates in rates_of(found)]
     exchanged, size = (
         functools.reduce(jnp.add, map(jnp.mean, part)) for part in (powers, map(jnp.abs, powers))
     )
@@ -118,8 +107,6 @@ def rates_of(found: Found) -> list[list[Array]]:
 
 def powers_of_traction(found: Found) -> list[Array]:
     """Returns the powers of the tractions on the surfaces of the bodies [W/m²]; none uncoupled."""
-    if found.coupling is None:
-        return []
     return [
         traction * rate
         for body, rates in zip(bodies_of(found), rates_of(found), strict=True)

@@ -26,9 +26,8 @@ from ..contacts.operators.operator import nonzero
 from ..core.derivative import largest, root_or_zero
 from ..fields.frequency import direction_and_speed, wave_frequencies
 from ..fields.grid import Grid, derivative, odd_wavevector
-from .bodies import lags
 from .case import WINDOW
-from .motion.over_period import refined
+from .motion.motion import refined
 from .number import Found
 from .problem import CycleProblem, SteadyProblem
 from .shear import shear_field, shear_parts
@@ -121,7 +120,7 @@ def tractions_on(found: Found) -> list[Array]:
 @shared
 def _lifted(found: Found) -> Array:
     """The displacement of the block along z under the traction that its kernel lacks [m]."""
-    if lags(found.coupling):
+    if found.coupling.lags:
         return found.coupling.lifted(found.operator, tractions_on(found))
     return jnp.zeros((), found.pressure.dtype)
 
@@ -136,7 +135,7 @@ def lift(found: Found) -> Array:
 
 def _on_counterface(found: Found) -> list[Array]:
     """The tangential traction on the counterface, opposite to that on the block [Pa]."""
-    return [-part for part in tractions_on(found)] if lags(found.coupling) else []
+    return [-part for part in tractions_on(found)] if found.coupling.lags else []
 
 
 def displaced(found: Found) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Collection, Mapping
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,7 +27,6 @@ from ..core.checks import is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.quantities import NUMBERS, TRANSIENT, Quantity
-from ..core.warnings import WARN_ABOVE, Above, NumberOf, ResultWarning, warnings_by
 from ..fields.grid import Grid
 from .case import HEATED, WINDOW
 from .problem import Problem
@@ -35,11 +34,30 @@ from .problem import Problem
 # What formulas take: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 Found = Any
 Formula = Callable[[Found], Any]
+# Returns a number of a result by its name. It has any shape, and is NaN where a solve has none.
+NumberOf = Callable[[str], Any]
+
+WARN_ABOVE = 0.1  # the part of a number above which an error of it is warned of
 
 # The facts of the contacts that have errors by these causes.
 NEEDED = {"temperature": [HEATED], "kernel": [WINDOW]}
 REMEDIES = {"grid": "more points", "time": "more times", "memory": "a shorter motion"}
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
+
+
+class Above(NamedTuple):
+    """The limit of a number above which there is a warning.
+
+    **Fields:**
+
+    - `limit`: the largest number without a warning.
+    - `sentence`: the warning; `{value}` is the number; of several solves, the ends of their range.
+    - `of`: what is compared instead of the number itself.
+    """
+
+    limit: float
+    sentence: str
+    of: Callable[[NumberOf], Any] | None = None
 
 
 class Observable(property):
@@ -263,15 +281,37 @@ class AbstractSliding(eqx.Module):
         """Warnings about these numbers, one sentence each; not under `jit`."""
         values = map(np.asarray, self.compute(*self.numbers))
         known = dict(zip(self.numbers, values, strict=True))
-        found = warnings_of(type(self), lambda name: known.get(name, 0.0))
-        return tuple(warning.sentence for warning in found)
+        return warnings_of(type(self), lambda name: known.get(name, 0.0))
 
 
-def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[ResultWarning, ...]:
-    """Returns the warnings of numbers of a class of results, see `warnings_by`."""
-    entries = observables_in(kind).items()
-    rules = {name: entry.warns for name, entry in entries if entry.warns is not None}
-    return warnings_by(rules, number, "times" if kind.kind == TRANSIENT else "solves")
+class _Ends(NamedTuple):
+    """The smallest and the largest of some numbers; printed as one if they look alike."""
+
+    low: float
+    high: float
+
+    def __format__(self, form: str) -> str:
+        return " to ".join(dict.fromkeys(format(float(end), form) for end in self))
+
+
+def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[str, ...]:
+    """Returns the warnings about numbers of a class of results, in the order of prints.
+
+    `number` returns a number of the result, or of a file of results, by its name; 0 if there is
+    none.
+    """
+    found, what = [], "times" if kind.kind == TRANSIENT else "solves"
+    for name, entry in observables_in(kind).items():
+        if (rule := entry.warns) is None:
+            continue
+        values = np.asarray(number(name) if rule.of is None else rule.of(number))
+        where = values > rule.limit
+        if np.any(where):
+            text = rule.sentence.format(value=_Ends(np.min(values[where]), np.max(values[where])))
+            if not np.all(where):
+                text += f" ({np.sum(where)} of {values.size} {what}.)"
+            found.append(text)
+    return tuple(found)
 
 
 def total_of(parts: Array | dict[str, Array]) -> Array:

@@ -25,8 +25,8 @@ from ..contacts.solve import contact_of, solve_contact
 from ..contacts.solver.abstract_solver import Inputs
 from ..fields.grid import Grid, resample_spectrum, resampled
 from .bodies import Counterface, Coupling, coupling_on, of_block
-from .motion.over_period import components, rate_of
-from .numerics import Numerics
+from .case import Numerics
+from .motion.motion import components, rate_of
 from .shear import ShearStress
 
 Range = tuple[Float[Array, "..."], Float[Array, "..."]]
@@ -43,7 +43,7 @@ class AbstractProblem(eqx.Module):
     - `shear`: shear stress [Pa] as a function of the pressure, or None; in a motion each
       time has its speed.
     - `block_heights`: of the block's own surface [m], out of the block, or None.
-    - `coupling`: how the traction moves the surface of the block, or None.
+    - `coupling`: how the traction moves the surface of the block.
     - `counterface`: how the counterface deforms, or None if it is rigid.
     - `measured_ranges`: for each body the lowest and the highest ω at which all materials were
       measured [rad/s], or None.
@@ -57,7 +57,7 @@ class AbstractProblem(eqx.Module):
     law: AbstractLaw
     shear: ShearStress | None = eqx.field(default=None, kw_only=True)
     block_heights: Field | None = eqx.field(default=None, kw_only=True)
-    coupling: Coupling | None = eqx.field(default=None, kw_only=True)
+    coupling: Coupling = eqx.field(default=Coupling(), kw_only=True)
     counterface: Counterface | None = eqx.field(default=None, kw_only=True)
     measured_ranges: tuple[Range | None, ...] = eqx.field(default=(), kw_only=True)
     prescribed: str = eqx.field(default="pressure", static=True, kw_only=True)

@@ -7,7 +7,7 @@ has parameters that can be differentiated, and each new function is compiled ane
 
 The shear force is the integral of τ_f over the contact area. It opposes the motion and adds to the
 hysteresis. If the law is `coupled`, the traction moves the surface of the block and so changes the
-pressure, see `solve/coupling.py`. `Coulomb` is coupled unless `coupled=False`; other
+pressure, see `solve/steady.py`. `Coulomb` is coupled unless `coupled=False`; other
 laws are coupled on request. Without coupling the traction does not change the pressure: this is
 exact for an incompressible half space (ν = 1/2), whose surface does not move along z under a
 tangential traction, and an approximation for other blocks.

@@ -12,8 +12,7 @@ from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..core.checks import Numbers
 from ..surfaces.surface import Surface
-from .case import Case, Heating
-from .numerics import Numerics
+from .case import Case, Heating, Numerics
 from .result import CyclicSliding, Sliding, TransientSliding
 from .shear import ShearLaw
 from .solve.heated import solve_heated

@@ -17,7 +17,7 @@ from ..kernels.memory import Creep
 from ..kernels.periodic import quadrant
 from ..kernels.window import doubled, long_cell, without_images
 from .case import GROUND
-from .motion.over_period import components
+from .motion.motion import components
 from .problem import AbstractProblem
 
 

@@ -5,13 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_increasing,
-    check_rows,
-    positive,
-)
+from ..core.checks import Numbers, as_float, check_increasing, check_rows, positive
 from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
 

@@ -39,7 +39,7 @@ def told(**changed):
     ],
 )
 def test_doubtful_numbers_are_told_and_sound_ones_are_not(changed, words):
-    sentences = [warning.sentence for warning in told(**changed)]
+    sentences = told(**changed)
     assert len(sentences) == len(words)
     for sentence, part in zip(sentences, words, strict=True):
         assert part in sentence

@@ -37,6 +37,21 @@ class OneGrid(NamedTuple):
     heights: Field
     loading: Loading
 
+    def guess(self, law: AbstractLaw, unit, pressure):
+        """Returns a pressure to begin from, in its unit, made possible for the law and the load."""
+        operator, _, loading = self
+        guess = pressure / unit
+        low, high = law.in_units(unit, 1.0).bounds
+        # A guess of another scale would dominate everything else.
+        stiffest = operator.long_wave / operator.least
+        guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
+        if loading.pressure is None:
+            return guess
+        # A load that is missing is spread evenly: a small contact scaled up would be far off.
+        mean = loading.pressure / unit
+        guess = guess + jnp.maximum(mean - operator.mean(guess), 0)
+        return to_mean(operator, jnp.clip(guess, low, high), mean, (low, high))
+
 
 class GridProblem(eqx.Module):
     """The contact on one grid, dimensionless: see `splitting.py`.
@@ -102,6 +117,71 @@ class GridProblem(eqx.Module):
         y = self.law_at(state.factor).proximal(v)
         return x, y, y - v
 
+    def full_contact_or(self, guess, touching):
+        """Returns the pressure of full contact if that is the solution, else the guess; FFT pairs.
+
+        It is computed if the share of points `touching` on the grid before was large.
+        """
+
+        def look():
+            flat = self.mean + self.flattening()
+            return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
+
+        return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
+
+    def closed_or(self, z):
+        """Returns z of full contact where nearly no gap is prescribed, elsewhere z; and FFT pairs.
+
+        The pressure is the least that closes the contact: where the gap is 0, any higher one would
+        do. If the points of this least pressure can have the whole gap, z belongs to the solution.
+        """
+        operator = self.grid.operator
+        closed = jnp.abs(self.mean) <= _CLOSED * jnp.std(self.scaled_heights())
+
+        def close():
+            flat = self.flattening()
+            lowest = operator.at_each_time(lambda p: p == jnp.min(p), flat).astype(z.dtype)
+            share = lowest / operator.mean(lowest)
+            gap = self.mean * share
+            opened = self.flattening(gap)
+            opened = jnp.where(lowest > 0, 0, opened - operator.mean(share * opened))
+            solved = operator.at_each_time(lambda p: jnp.full_like(p, jnp.min(p)), opened) >= 0
+            flat = flat - operator.mean(share * flat)
+            start = jnp.where(solved, opened + gap, flat)
+            return jnp.where(closed, start, z), 2 * jnp.ones((), z.dtype)
+
+        return jax.lax.cond(jnp.any(closed), close, lambda: (z, jnp.zeros((), z.dtype)))
+
+    def start_of(self, guess):
+        """Returns z of a guessed pressure to begin from; without a guess, of points on springs."""
+        heights, law, mean = self.scaled_heights(), self.law, self.mean
+        average = self.grid.operator.mean
+        if guess is None:
+            if self.free_mean or law.attracts:
+                return mean - heights
+
+            def halve(_, bracket):
+                middle = jnp.mean(bracket, axis=0)
+                light = average(law.proximal(middle + heights)) < mean
+                low, high = bracket
+                return jnp.stack([jnp.where(light, middle, low), jnp.where(light, high, middle)])
+
+            # Pressed down until they carry the load: else surfaces may start far from each other.
+            high = mean - jnp.min(heights)
+            ends = jnp.stack([jnp.full_like(high, -2 * jnp.max(heights)), high])
+            v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
+            return 2 * law.proximal(v) - v
+        gap = self.solid_at().scaled.displace(guess) - heights
+        total, weighed = average(jnp.abs(guess)), average(jnp.abs(guess) * gap)
+        loaded = (total > 0) & (not self.free_mean)
+        gap = gap - jnp.where(loaded, weighed / nonzero(total), average(gap))
+        if self.free_mean:
+            gap = gap + mean
+        # The law's own pressure and gap nearest to the guess; in contact, where the gap is only the
+        # error of the guess, the pressure alone.
+        y = law.proximal(guess - gap)
+        return jnp.where(guess > jnp.abs(gap), guess, 2 * y - (guess - gap))
+
 
 class SolveState(NamedTuple):
     """State of a solve on one grid."""
@@ -118,87 +198,3 @@ class SolveState(NamedTuple):
     steps: Array  # of all epochs
     newton_pairs: Array
     pairs: Array  # FFT pairs so far, of all grids by their size
-
-
-def as_guess(grid: OneGrid, law, unit, pressure):
-    """Returns a pressure to begin from, in its unit, made possible for the law and the load."""
-    operator, _, loading = grid
-    guess = pressure / unit
-    low, high = law.in_units(unit, 1.0).bounds
-    # A guess of another scale would dominate everything else.
-    stiffest = operator.long_wave / operator.least
-    guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
-    if loading.pressure is None:
-        return guess
-    # A load that is missing is spread evenly: a small contact scaled up would be far off.
-    mean = loading.pressure / unit
-    guess = guess + jnp.maximum(mean - operator.mean(guess), 0)
-    return to_mean(operator, jnp.clip(guess, low, high), mean, (low, high))
-
-
-def full_contact_or(problem: GridProblem, guess, touching):
-    """Returns the pressure of full contact if that is the solution, else the guess; and FFT pairs.
-
-    It is computed if the share of points `touching` on the grid before was large.
-    """
-
-    def look():
-        flat = problem.mean + problem.flattening()
-        return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
-
-    return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
-
-
-def closed_or(problem: GridProblem, z):
-    """Returns z of full contact where nearly no gap is prescribed, elsewhere z; and FFT pairs.
-
-    The pressure is the least that closes the contact: where the gap is 0, any higher one would do.
-    If the points of this least pressure can have the whole gap, z belongs to the solution.
-    """
-    operator = problem.grid.operator
-    closed = jnp.abs(problem.mean) <= _CLOSED * jnp.std(problem.scaled_heights())
-
-    def close():
-        flat = problem.flattening()
-        lowest = operator.at_each_time(lambda p: p == jnp.min(p), flat).astype(z.dtype)
-        share = lowest / operator.mean(lowest)
-        gap = problem.mean * share
-        opened = problem.flattening(gap)
-        opened = jnp.where(lowest > 0, 0, opened - operator.mean(share * opened))
-        solved = operator.at_each_time(lambda p: jnp.full_like(p, jnp.min(p)), opened) >= 0
-        flat = flat - operator.mean(share * flat)
-        start = jnp.where(solved, opened + gap, flat)
-        return jnp.where(closed, start, z), 2 * jnp.ones((), z.dtype)
-
-    return jax.lax.cond(jnp.any(closed), close, lambda: (z, jnp.zeros((), z.dtype)))
-
-
-def start_of(problem: GridProblem, guess):
-    """Returns z of a guessed pressure to begin from; without a guess, of points on springs."""
-    heights, law, mean = problem.scaled_heights(), problem.law, problem.mean
-    average = problem.grid.operator.mean
-    if guess is None:
-        if problem.free_mean or law.attracts:
-            return mean - heights
-
-        def halve(_, bracket):
-            middle = jnp.mean(bracket, axis=0)
-            light = average(law.proximal(middle + heights)) < mean
-            low, high = bracket
-            return jnp.stack([jnp.where(light, middle, low), jnp.where(light, high, middle)])
-
-        # Pressed down until they carry the load: else surfaces may start far from each other.
-        high = mean - jnp.min(heights)
-        ends = jnp.stack([jnp.full_like(high, -2 * jnp.max(heights)), high])
-        v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
-        return 2 * law.proximal(v) - v
-    gap = problem.solid_at().scaled.displace(guess) - heights
-    total, weighed = average(jnp.abs(guess)), average(jnp.abs(guess) * gap)
-    loaded = (total > 0) & (not problem.free_mean)
-    gap = gap - jnp.where(loaded, weighed / nonzero(total), average(gap))
-    if problem.free_mean:
-        gap = gap + mean
-    # The law's own pressure and gap nearest to the guess; in contact, where the gap is only the
-    # error of the guess, the pressure alone.
-    y = law.proximal(guess - gap)
-    return jnp.where(guess > jnp.abs(gap), guess, 2 * y - (guess - gap))

@@ -33,16 +33,7 @@ from .abstract_solver import (
     softness,
 )
 from .active_set import most_eliminated
-from .grid_problem import (
-    GridProblem,
-    GridSettings,
-    OneGrid,
-    SolveState,
-    as_guess,
-    closed_or,
-    full_contact_or,
-    start_of,
-)
+from .grid_problem import GridProblem, GridSettings, OneGrid, SolveState
 from .semismooth_newton import newton_round, takes_newton_steps
 from .splitting import RELAXATION, draft
 
@@ -158,7 +149,7 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
             pairs = last.pairs + share * coarse.grid.heights.size / rough.size + own
             before = coarse.at_load(coarse.meet(last)[1]) * coarse.unit
         touching = jnp.mean(before > 0, dtype=rough.dtype)
-        guess = as_guess(grid, law, unit, interpolate(before, rough.shape))
+        guess = grid.guess(law, unit, interpolate(before, rough.shape))
         pairs = pairs + share
     cold = jnp.asarray(_COLD_PARTICIPATION, rough.dtype)
     penalty = penalty_for(operator, cold if guess is None else participation(guess), law)
@@ -169,11 +160,11 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     numbers = unit, penalty, law.in_units(unit, length), mean
     problem = GridProblem(grid, *numbers)
     if guess is not None and takes_newton_steps(law) and not problem.free_mean:
-        guess, taken = full_contact_or(problem, guess, touching)
+        guess, taken = problem.full_contact_or(guess, touching)
         pairs = pairs + share * taken
-    z = start_of(problem, guess)
+    z = problem.start_of(guess)
     if problem.free_mean and isinstance(law, HardWall):
-        z, taken = closed_or(problem, z)
+        z, taken = problem.closed_or(z)
         pairs = pairs + share * taken
     one, none, no = jnp.ones((), rough.dtype), jnp.asarray(0), jnp.asarray(False)
     state = SolveState(

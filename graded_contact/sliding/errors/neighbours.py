@@ -9,6 +9,7 @@ A window has no waves of its own: the heights of half the grid are means of neig
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -17,21 +18,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...contacts.operators.operator import nonzero
 from ...contacts.solution import RESULTS
 from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete
 from ...core.compilation import compiled
 from ...core.derivative import largest
-from ...fields.grid import interpolate, resampled
-from ..case import WINDOW
+from ...fields.grid import Grid, derivative, interpolate, resampled
+from ..case import WINDOW, Numerics
 from ..formulas import lift
-from ..half_grid import NOTHING_LACKS, halved, roughness_on
 from ..number import Found
-from ..numerics import Numerics
 from ..problem import CycleProblem, Problem, SteadyProblem
 
 NEIGHBOURS_RTOL = 2e-4  # of the pressure; the differences of two grids are larger
 _LEAST_TIMES = 8  # times that are not halved again
+_FEWEST = 4  # points along an axis that are not halved again
+_NOTHING_LACKS = 1e-5  # of the squared slope: below it half the grid lacks nothing
 
 
 class Neighbours(eqx.Module):
@@ -58,6 +60,45 @@ class Neighbours(eqx.Module):
         return found if self.same is None else self.same, self.half
 
 
+# Heights on half the grid of a surface, and the waves that it lacks.
+
+
+@compiled
+def _heights_on(
+    heights: Array, grid: Grid, half: tuple[int, ...], window: bool
+) -> tuple[Array, Array, Array]:
+    """Returns heights on half the grid, on the grid without the waves it lacks, and their share.
+
+    The share is of the squared slope [1].
+    """
+    if window:
+        return _means(heights, half), heights, jnp.zeros((), heights.dtype)
+    less = resampled(heights, half)
+    cut = resampled(less, heights.shape)
+    axes = range(heights.ndim)
+    lost, all_of = (
+        jnp.sum(jnp.stack([jnp.mean(derivative(field, grid, axis) ** 2) for axis in axes]))
+        for field in (heights - cut, heights)
+    )
+    return less, cut, lost / nonzero(all_of)
+
+
+def _means(heights: Array, shape: tuple[int, ...]) -> Array:
+    """The heights of a window on fewer points: of an even number the means of two neighbours."""
+    for axis, (n, m) in enumerate(zip(heights.shape, shape, strict=True)):
+        if n == m:
+            continue
+        place = (np.arange(m) + 0.5) * (n / m) - 0.5
+        left = np.floor(place).astype(int)
+        weight = (place - left).reshape([-1 if i == axis else 1 for i in range(heights.ndim)])
+        low, high = (jnp.take(heights, i, axis) for i in (left, np.minimum(left + 1, n - 1)))
+        heights = low + jnp.asarray(weight, heights.dtype) * (high - low)
+    return heights
+
+
+# The contacts.
+
+
 def neighbours_of(found: Found) -> Neighbours:
     """Returns the contacts on half the grid, and of a cycle with half the times."""
     pressure = found.contact.mean_pressure
@@ -73,12 +114,13 @@ def neighbours_of(found: Found) -> Neighbours:
 
 def neighbours_by(found: Found, solve: Callable[..., Found], fewer: Found | None) -> Neighbours:
     """Returns the neighbours of a contact; `solve` takes the shape of a grid and heights on it."""
-    shape = found.grid.shape
-    half = halved(shape)
-    window = WINDOW in found.facts
-    on_half, cut, missing = roughness_on(found.problem.roughness, found.grid, half, window)
+    shape, window = found.grid.shape, WINDOW in found.facts
+    half = tuple(n if n < 2 * _FEWEST else n // 2 for n in shape)
+    parts = [_heights_on(rough, found.grid, half, window) for rough in found.problem.roughness]
+    on_half, cut, lacking = zip(*parts, strict=True)
+    missing = functools.reduce(jnp.maximum, lacking)
     same = None
-    if not (is_concrete(missing) and float(missing) <= NOTHING_LACKS):
+    if not (is_concrete(missing) and float(missing) <= _NOTHING_LACKS):
         same = solve(shape, cut)
     if half == shape:  # nothing is known of the error of the grid
         missing = missing * jnp.nan

@@ -27,7 +27,7 @@ from ...materials.material import AbstractMaterial, Elastic, Prony
 from ...materials.softening import StrainSoftening
 from ...response.stress import stress_waves
 from ..formulas import tractions_on
-from ..numbers.traction import slip
+from ..numbers.friction import slip
 from ..result import Sliding
 
 _NODES = 2  # of Gauss's rule in each interval of the depth
@@ -63,7 +63,7 @@ def heat_source(sliding: Sliding, depths, needed) -> Array:
     stack = sliding.bodies[0]
     grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
-    traction = None if sliding.coupling is None else shear_traction(sliding)
+    traction = shear_traction(sliding) if sliding.coupling.lift else None
 
     def at(depth):
         waves = stress_waves(stack, grid, pressure, traction, depth, velocity)
@@ -115,7 +115,7 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
         return jnp.zeros_like(sliding.pressure)
     (stress,) = tractions_on(sliding)
     heat = jnp.abs(sliding.speed) * stress
-    return heat if sliding.coupling is None else heat * slip(sliding)
+    return heat * slip(sliding) if sliding.coupling.lift else heat
 
 
 def _series_at(stack: Stack, depth):

@@ -15,14 +15,17 @@ import scipy
 from jaxtyping import Array, Float
 
 from ...core.checks import check_type, is_concrete, numbers, optional, scalar
+from ...core.compilation import compiled
 from ...core.display import shown, with_unit
 from ...fields.grid import Grid
+from ...kernels.periodic import period_frequencies
 
 # At a largest step of 0.5 spacings the mean friction is off by 5e-5 or less, at 1 by 2e-3 or less,
 # at 2 by 1 to 18 %, at 4 by 5 to 72 %.
 CHOSEN_STEP = 0.5
 LARGEST_STEP = 2.0
 _OPEN = 0.2  # of the extent of a record: a gap that its next row does not close
+_REFINED = 64  # times as many for the length of the path
 
 
 @shown("num_times", "times", "displacement", "period", "highest_speed", units=False, unset=False)
@@ -97,12 +100,12 @@ def check_path(displacement: Array, count: int, axes: int) -> None:
         )
 
 
-def check_resolved(given: str, displacement: Array | np.ndarray, grid: Grid | None) -> None:
+def check_resolved(given: str, displacement: Array | np.ndarray, grid: Grid) -> None:
     """Raises `ValueError` if the times cannot resolve how the waves of a grid move.
 
     `given` tells in words what is refused.
     """
-    if grid is None or not (is_concrete(displacement) and is_concrete(grid.size)):
+    if not (is_concrete(displacement) and is_concrete(grid.size)):
         return
     step = float(step_length(np.asarray(displacement), np.asarray(grid.size) / grid.shape))
     if step > LARGEST_STEP:
@@ -143,3 +146,34 @@ def check_closed(displacement: Array, cell: Grid | None = None) -> None:
             "where it began. Use `slide_transient` for a transient motion, or let the surface "
             "advance by whole cells, see `slide_cycle`."
         )
+
+
+# Values at equally spaced times of a period.
+
+
+def components(over_time: Float[Array, "nt ..."]) -> Float[Array, "nt components"]:
+    """Returns an array over time, with its components on the second axis."""
+    return over_time.reshape(len(over_time), -1)
+
+
+def rate_of(values: Float[Array, "nt ..."], period: Float[Array, ""]) -> Float[Array, "nt ..."]:
+    """Returns the derivative by time of periodic values."""
+    omega = odd_frequencies(len(values), period).reshape(-1, *[1] * (values.ndim - 1))
+    return jnp.fft.irfft(1j * omega * jnp.fft.rfft(values, axis=0), len(values), axis=0)
+
+
+@compiled
+def refined(values: Float[Array, "nt ..."]) -> Float[Array, "more ..."]:
+    """Returns periodic values at `_REFINED` times as many times, by their Fourier series."""
+    count = len(values)
+    waves = jnp.fft.rfft(values, axis=0)
+    if count % 2 == 0:  # the highest frequency is now two, of both signs
+        waves = waves.at[-1].divide(2)
+    return jnp.fft.irfft(waves, _REFINED * count, axis=0) * _REFINED
+
+
+def odd_frequencies(count: int, period: Float[Array, ""]) -> Float[Array, " nw"]:
+    """Returns the frequencies ω >= 0 of a period; the highest of an even count, which has no sign,
+    is 0."""
+    omega = period_frequencies(count, period)
+    return omega if count % 2 else omega.at[-1].set(0)

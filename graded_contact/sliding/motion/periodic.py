@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, ScalarLike
 from ...core.checks import Numbers, check_whole, is_concrete, positive, scalar
 from ...core.compilation import compiled
 from ...fields.grid import Grid
-from .motion import CHOSEN_STEP, Motion, check_closed, check_resolved, fast, step_length
+from .motion import CHOSEN_STEP, Motion, check_closed, fast, step_length
 from .transient import in_steps, known, table_of
 
 as_stroke = scalar("stroke", "a stroke [m] must be finite and not negative", at_least=0)
@@ -63,9 +63,7 @@ def sinusoidal(
     """
     stroke, frequency = as_stroke(stroke), positive("frequency", "[Hz]")(frequency)
     count = _count(num_times, grid, np.pi * stroke, _FEWEST)
-    displacement = stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke))
-    check_resolved(f"`num_times={count}`", displacement, grid)
-    return Motion(displacement, 1 / frequency)
+    return Motion(stroke / 2 * jnp.sin(2 * np.pi * _times(count, stroke)), 1 / frequency)
 
 
 def start_stop(
@@ -98,9 +96,7 @@ def start_stop(
     period = 2 * (moving + dwell)
     ways = period / moving
     count = _count(num_times, grid, 15 / 8 * stroke * ways, _OF_A_WAY * ways)
-    displacement = _there_and_back(stroke, moving, dwell, count)
-    check_resolved(f"`num_times={count}`", displacement, grid)
-    return Motion(displacement, period)
+    return Motion(_there_and_back(stroke, moving, dwell, count), period)
 
 
 @compiled
@@ -166,7 +162,6 @@ def recorded(
         while (step := float(known("num_times", step_length(moved, grid.spacing)))) > CHOSEN_STEP:
             count = fast(max(count + 1, count * step / CHOSEN_STEP))
             moved = _resampled(at, table, period, count)
-    check_resolved(f"`num_times={count}`", moved, grid)
     return Motion(moved, period)
 
 

@@ -22,8 +22,7 @@ from ...core.checks import (
 )
 from ...core.compilation import compiled
 from ...fields.grid import Grid
-from .motion import CHOSEN_STEP, Motion, check_path
-from .over_period import components
+from .motion import CHOSEN_STEP, Motion, check_path, components
 
 _STEPS = 128  # of a motion, where the grid is not known
 _A_DECADE = 10  # steps of a rest, whose error is then below 1e-3

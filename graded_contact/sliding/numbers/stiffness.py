@@ -26,7 +26,6 @@ from ...contacts.operators.operator import Steady, first_mode
 from ...contacts.solver.abstract_solver import penalty_for
 from ...core.compilation import compiled
 from ...fields.grid import wavenumber
-from ..bodies import lags
 from ..case import CONDUCTANCE, STIFFNESS, WINDOW
 from ..formulas import edges_of, indicator_of, shared
 from ..number import Found, observable
@@ -47,7 +46,7 @@ def contact_stiffness(found: Found) -> Float[Array, ""]:
     velocity, at rest with its relaxed moduli; a traction of `Coulomb` that moves the surface
     follows the pressure. Laws other than the hard wall enter by their contact area.
     """
-    if lags(found.coupling):
+    if found.coupling.lags:
         raise ValueError("A stiffness under coupled shear needs the law of `Coulomb`.")
     return _stiffness(_periodic(found))
 

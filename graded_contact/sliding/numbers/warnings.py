@@ -10,14 +10,13 @@ from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
 from ...core.derivative import largest
-from ...core.warnings import WARN_ABOVE, Above, NumberOf
 from ...fields.grid import to_field, to_spectrum, wavenumber
 from ...materials.coverage import is_unknown, unknown_share
 from ..case import PERIODIC, WINDOW
 from ..energy import exchange, frequencies, losses, powers_of_traction
 from ..formulas import along_motion, counterface_displacement, displaced, loaded, shared, slopes
 from ..motion.motion import step_length
-from ..number import Found, observable
+from ..number import WARN_ABOVE, Above, Found, NumberOf, observable
 from ..transient_problem import TransientProblem, steps_of
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured

@@ -15,7 +15,6 @@ from jaxtyping import Array
 
 from ...blocks.stack import Stack
 from ...contacts.inputs import loading_of
-from ...contacts.law import check_one_law
 from ...contacts.operators.space_time import SpaceTime, at_rest, in_motion
 from ...core.checks import within
 from ...core.compilation import compiled
@@ -28,7 +27,7 @@ from ...response.grading import graded_tolerance
 from ...surfaces.surface import check_periodic
 from ..bodies import Counterface, Coupling, middle_of
 from ..case import Case, facts_of
-from ..motion.over_period import components
+from ..motion.motion import components
 from ..problem import CycleProblem
 from ..shear import is_coupled, shear_stress
 
@@ -37,7 +36,6 @@ def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
     """Returns the problem of a case with a period, and whether its kernel is good."""
     surface, law = case.surface, case.law
     check_periodic(surface)
-    check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     fields = CYCLE if case.counterface is None else CYCLE + CYCLE_COUNTERFACE
@@ -63,13 +61,13 @@ def cycle_problem(case: Case) -> tuple[CycleProblem, Array]:
     return problem, reached
 
 
-def _response(case: Case, stack: Stack) -> tuple[Array, Coupling | None, Array]:
-    """The kernel of a body, its coupling by traction or None, and whether they are good."""
+def _response(case: Case, stack: Stack) -> tuple[Array, Coupling, Array]:
+    """The kernel of a body, its coupling by traction, and whether they are good."""
     grid, num_times, period = case.surface.grid, len(case.displacement), case.period
     kernel, error = periodic_kernel(stack, grid, num_times, period)
     reached = error <= graded_tolerance(stack, grid.size)
     if not is_coupled(case.shear):
-        return kernel, None, reached
+        return kernel, Coupling(), reached
     axes = components(case.displacement).shape[1]
     lift, along, good = periodic_tangential_kernels(stack, grid, num_times, period, axes)
     return kernel, Coupling(lift, along), reached & good

@@ -37,15 +37,13 @@ from ...fields.grid import Grid, to_spectrum
 from ...materials.shift import HOTTEST, as_temperature
 from ...materials.softening import at_strain
 from ...surfaces.surface import check_periodic
-from ..case import Case, Heating, facts_of
+from ..case import Case, HeatedContact, Heating, Numerics, facts_of
 from ..formulas import indicator_of, lengths
 from ..interior.conduction import Heat, over_contact, pressure_weight, temperatures
 from ..interior.heat_source import gauss_within, heat_source, intervals, shear_heat
-from ..motion.over_period import refined
-from ..numbers.traction import interface_power
-from ..numerics import Numerics
+from ..motion.motion import refined
+from ..numbers.friction import interface_power
 from ..result import CyclicSliding, Sliding
-from ..result.temperatures import HeatedContact
 from .isothermal import solve_isothermal
 
 NUM_CELLS = 8  # of the depth, each at one temperature
@@ -279,7 +277,7 @@ def _risen(factor, lost, s: Sliding, heating: Heating | None, bodies, nodes, sou
     weights = nodes[0][1]
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
-    own = s.pressure_friction if s.coupling is None else s.block_friction
+    own = s.block_friction if s.coupling.lift else s.pressure_friction
     power = factor * own * jnp.mean(s.pressure) * s.speed
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
     heat = Heat(source, weights, factor * shear_heat(s), lost)

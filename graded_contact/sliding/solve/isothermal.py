@@ -23,10 +23,8 @@ from ...core.derivative import still
 from ...core.fixed_point import attach_fixed_field, find_fixed_point
 from ...fields.devices import required
 from ...materials.coverage import coverage
-from ..bodies import lags
-from ..case import Case
+from ..case import Case, Numerics
 from ..formulas import lift
-from ..numerics import Numerics
 from ..problem import Prescribed, Problem
 from ..result import CyclicSliding, Sliding, result_of
 from .cycle import cycle_problem
@@ -48,7 +46,7 @@ def solve_isothermal(
         kernel = required(operator.kernel, reached, RESULTS.inaccurate_kernel.error_if)
         problem = dataclasses.replace(problem, operator=operator.with_kernel(kernel))
     counterface = problem.counterface
-    if lags(problem.coupling) or (counterface is not None and counterface.lags):
+    if problem.coupling.lags or (counterface is not None and counterface.lags):
         found = _lagged(problem, load, how, start, solution)
     else:
         found = result_of(problem, problem.contact(load, how, None, start, solution))

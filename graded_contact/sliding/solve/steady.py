@@ -2,21 +2,36 @@
 
 In the frame of the surface the contact is steady, and every wavevector q of the pressure deforms
 the block at the frequency ω = -q·v, and the counterface at rest.
+
+In gross sliding the shear stress τ acts on the block along the motion e. It moves the surface by
+M_ze τ along z, so that
+
+    w = M_zz σ + M_ze τ(σ).
+
+On the counterface, if there is one, it acts in the opposite direction (`bodies.py`).
+
+Under Coulomb's law, w = (M_zz + f M_ze) σ: a contact without traction, of another kernel, whose
+real part may be negative for some waves. Under other laws the traction lags (`isothermal.py`).
 """
 
 import functools
 import operator as operators
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Bool
 
 from ...blocks.stack import Stack
 from ...contacts.operators.window import operator_of
-from ...core.checks import is_concrete, within
+from ...core.checks import as_float, is_concrete, within
+from ...core.compilation import compiled
 from ...core.memory import SLIDING, check_memory
 from ...fields.devices import num_devices
+from ...fields.frequency import direction_and_speed
+from ...fields.grid import Grid, Waves
 from ...kernels.steady import attempted_kernel
+from ...kernels.tangential import tangential_kernels
 from ...kernels.window import doubled, has_ground, long_cell, without_images
 from ...materials.softening import as_strain_per_slope, softens
 from ...surfaces.statistics import slope_up_to
@@ -25,7 +40,6 @@ from ..bodies import Counterface, Coupling
 from ..case import Case, facts_of
 from ..problem import SteadyProblem
 from ..shear import Coulomb, is_coupled, shear_stress
-from .coupling import steady_coupling, under_coulomb
 
 
 def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
@@ -72,13 +86,13 @@ class _Response(NamedTuple):
 
     - `kernel`: M_zz, with Coulomb's law M_zz + f M_ze [m/Pa].
     - `error`: its errors on a window [m/Pa], or None.
-    - `coupling`: by traction, or None.
+    - `coupling`: by traction.
     - `reached`: whether all is good.
     """
 
     kernel: Array
     error: Array | None
-    coupling: Coupling | None
+    coupling: Coupling
     reached: Array | bool
 
 
@@ -102,10 +116,52 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
         grounded = all(has_ground(body, grid) for body in case.bodies)
         kernel, error = without_images(kernels[0], kernels[1], grid, grounded)
     if not is_coupled(case.shear):
-        return _Response(kernel, error, None, reached)
-    coupling, lift_error, good = steady_coupling(case, stack, velocity, cells, strain)
+        return _Response(kernel, error, Coupling(), reached)
+    coupling, lift_error, good = _coupling(case, stack, velocity, cells, strain)
     if isinstance(case.shear, Coulomb):
         coefficient = -case.shear.coefficient if opposite else case.shear.coefficient
         lifts = coupling.lift[0], lift_error
-        kernel, error = under_coulomb(coefficient, (kernel, error), lifts)
+        kernel, error = _under_coulomb(coefficient, (kernel, error), lifts)
     return _Response(kernel, error, coupling, reached & good)
+
+
+def _coupling(
+    case: Case,
+    stack: Stack,
+    velocity: Any,
+    cells: Sequence[Grid],
+    strain: tuple[Array, Array] | None,
+) -> tuple[Coupling, Waves | None, Bool[Array, ""]]:
+    """Returns the coupling of a body of a `Case`, errors of M_ze, and whether it is good.
+
+    `velocity` is the surface's over the body; `cells` are the cell of a periodic surface, or two
+    for a non-periodic one, which has errors.
+    """
+    if len(cells) == 2 and not isinstance(case.shear, Coulomb):
+        raise ValueError(
+            "`shear` is not supported: on a non-periodic surface only `Coulomb` can be coupled. "
+            "Pass `coupled=False`, or put the body into a periodic cell."
+        )
+    direction, velocity = direction_and_speed(case.velocity)[0], as_float(velocity)
+    found = [tangential_kernels(stack, cell, velocity, direction, strain) for cell in cells]
+    ((lift,), ((along,),), good), error = found[0], None
+    if len(cells) == 2:
+        ((far_lift,), ((far_along,),), far_good), window = found[1], case.surface.grid
+        lift, error = without_images(lift, far_lift, window, False)
+        along, _ = without_images(along, far_along, window, False)
+        good = good & far_good
+    return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
+
+
+def _under_coulomb(coefficient: Array, parts: Sequence[Any], lifts: Sequence[Any]) -> Sequence[Any]:
+    """Returns M_zz + f M_ze of a kernel and of its errors on a window, or None if it has none."""
+    # Without friction a real kernel stays real.
+    if is_concrete(coefficient) and np.asarray(coefficient) == 0:
+        return parts
+    pairs = zip(parts, lifts, strict=True)
+    return [None if lift is None else _lifted(part, coefficient, lift) for part, lift in pairs]
+
+
+@compiled
+def _lifted(part: Array, coefficient: Array, lift: Array) -> Array:
+    return part + coefficient.astype(part.real.dtype) * lift

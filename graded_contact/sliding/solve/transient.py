@@ -8,8 +8,7 @@ import numpy as np
 from ...contacts.solution import RESULTS
 from ...core.checks import is_concrete
 from ...fields.devices import required
-from ..case import Case
-from ..numerics import Numerics
+from ..case import Case, Numerics
 from ..result import TransientSliding
 from ..transient.pose import solved, transient_problem
 

@@ -1,4 +1,4 @@
-"""Errors of a transient motion: by the grid, the steps, the memory of the block and the solver.
+"""Numbers that only a transient motion has, recorded step by step, and the errors of all.
 
 Those by the grid follow from the transient solve on half the grid, as for other contacts, at each
 time. Those by the steps follow from the transient solve in half as many steps. Each step is of
@@ -8,27 +8,71 @@ once it is of first order, as large as the change, which the error therefore con
 
 from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from ...contacts.operators.operator import nonzero
 from ...fields.grid import to_field, to_spectrum
-from ..case import LOAD_FOLLOWS
+from ..case import LOAD_FOLLOWS, SHEARED
 from ..errors.grid import OF_FORCE, OF_PLACE, area_by_grid, by_grid, friction_by_grid
 from ..errors.neighbours import Neighbours, neighbours_by
 from ..errors.parts import over_number
 from ..formulas import lengths, shared
-from ..number import Formula, Found
-from ..numbers.area import contact_area, mean_gap
+from ..number import Formula, Found, observable
+from ..numbers.contact import contact_area, mean_gap
 from ..numbers.cycle import mean_friction, peak_friction
 from ..numbers.friction import friction, load
-from .numbers import load_work_done, work_done
 from .pose import on_grid
 
 _LEAST_STEPS = 2  # of the transient solve in half as many
 _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
 _OF_FIRST_STEP = 0.5  # of the work of the load: half of it is what a block of fluid loses more
+
+
+@observable("work of friction so far", "J/m²")
+def work_done(found: Found) -> Array:
+    """Work of friction per area since t = 0 [J/m²], with the work of shear."""
+    return found.recorded["work_done"]
+
+
+@observable("work of the load so far", "J/m²")
+def load_work_done(found: Found) -> Array:
+    """Work of the load on the block per area since t = 0 [J/m²].
+
+    The sum of both, less the work of shear, is stored and dissipated in the block. How much is
+    stored does not follow from the response: bodies of equal response may store different parts.
+    What an unloading gives back shows how much of it was free.
+    """
+    return found.recorded["load_work_done"]
+
+
+@observable("work of shear in the contact so far", "J/m²", needs=[SHEARED])
+def shear_work_done(found: Found) -> Array:
+    """The part of `work_done` by shear in the contact [J/m²]."""
+    return found.recorded["shear_work_done"]
+
+
+@observable("time since the last start or stop", "s")
+def time_since_change(found: Found) -> Array:
+    """Time since the surface last started or stopped [s]; before that since t = 0."""
+    steps, way = found.problem.steps
+    ends, moves = found.times, lengths(way) > 0
+    changes = jnp.append(False, moves[1:] != moves[:-1])
+    return ends - jax.lax.cummax(jnp.where(changes, ends - steps, 0))
+
+
+@observable("time from the last start or stop to the largest friction", "s")
+def time_to_peak(found: Found) -> Array:
+    """Time from the last start or stop of the surface to the largest friction [s]; NaN at rest."""
+    sizes = lengths(found.recorded["friction"].reshape(len(found.times), -1))
+    peak = jnp.argmax(jnp.where(found.recorded["load"] > 0, sizes, -1))
+    moves = jnp.any(found.problem.steps[1] != 0)
+    return jnp.where(moves, time_since_change(found)[peak], jnp.nan)
+
+
+# Errors.
 
 
 def neighbours_in_time(found: Found) -> Neighbours:

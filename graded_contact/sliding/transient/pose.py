@@ -1,33 +1,41 @@
-"""Transient motion: the problem of a case with times, and its solve on other grids."""
+"""Transient motion: the problem of a case with times, and its solve, also on other grids.
+
+The steps follow one another in segments of about √n. A derivative differentiates the contact of
+each step. It keeps the contacts, and computes the memory once more from the first step of each
+segment on.
+"""
 
 import dataclasses
 import math
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array
 
 from ...contacts.inputs import check_gap, loading_of
-from ...contacts.law import check_one_law
-from ...contacts.operators.operator import Field
+from ...contacts.operators.operator import Field, nonzero
+from ...contacts.solution import ContactSolution
 from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete, within
-from ...core.compilation import compiled
-from ...core.derivative import still
+from ...core.compilation import compiled, compiled_loop
+from ...core.derivative import largest, still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
 from ...kernels.memory import creep_of, node_count
 from ...materials.coverage import coverage
-from ..case import COUPLED, GROUND, Case, facts_of
+from ..case import COUPLED, GROUND, Case, Numerics, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL
-from ..motion.over_period import components
+from ..formulas import lengths
+from ..motion.motion import components
 from ..number import Found
-from ..numerics import Numerics
 from ..shear import is_coupled, shear_stress
 from ..transient_problem import TransientProblem, steps_of
-from .run import run_transient
+from .step_inputs import steps_given
+from .steps import OF_STEPS, STEP_CONTACT, Advance
+from .waves import TransientWaves
 
 _FIELDS = 4, 30  # of a body: for each node of its memory, and beside them
 _WINDOW = 1.4  # times these on a window, for the responses of its table
@@ -36,7 +44,6 @@ _WINDOW = 1.4  # times these on a window, for the responses of its table
 def transient_problem(case: Case) -> TransientProblem:
     """Returns the problem of a case with displacements at times."""
     surface, times = case.surface, case.times
-    check_one_law(case.law)
     grid, count = surface.grid, len(times)
     facts = facts_of(case)
     path = None if surface.periodic else _path_of(case)
@@ -130,8 +137,71 @@ def _at(of_steps: dict[str, Array], chosen: tuple[int, ...]) -> dict[str, Array]
 
 def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
     """Returns the fields of the result of a transient solve."""
-    contact, numbers, failed = run_transient(problem, how, kept)
+    # The program is that of all bodies.
+    same = dataclasses.replace(problem, bodies=(), measured_ranges=())
+    contact, numbers, failed = _run(same, how, kept)
     return dict(
         contact=contact, problem=problem, recorded=numbers, failed=failed, kept_steps=kept,
         bodies=problem.bodies,
     )  # fmt: skip
+
+
+@compiled_loop
+def _run(
+    problem: TransientProblem, how: Numerics, kept: tuple[int, ...]
+) -> tuple[ContactSolution, dict[str, Array], Array]:
+    advance = Advance(problem, TransientWaves(problem), how)
+    steps, count = steps_given(problem, kept), len(problem.times)
+    # Each step of a segment is computed once more in a derivative in reverse.
+    length = math.ceil(math.sqrt(count))
+
+    def one(state, given):
+        like = jax.eval_shape(advance.step, state, given)[1]
+        none = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like)
+        ways = lambda: advance.step(state, given), lambda: (state, none)
+        return jax.lax.cond(given.counts, *(lambda way=way: varying(way()) for way in ways))
+
+    def segment(state, first):
+        rows = first + jnp.arange(length)
+        given = jax.tree.map(lambda leaf: leaf[jnp.minimum(rows, count - 1)], steps)
+        return jax.lax.scan(one, state, given._replace(counts=rows < count))
+
+    policy = jax.checkpoint_policies.save_only_these_names(STEP_CONTACT)
+    segment = jax.checkpoint(segment, policy=policy)
+    start = varying(advance.init(len(kept)))
+    state, numbers = jax.lax.scan(segment, start, jnp.arange(0, count, length))
+    numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
+    pressure, gap, displacement, correction = state.kept
+    of_steps = {
+        name: (jnp.sum if name.startswith("num_") else jnp.max)(numbers[f"step_{name}"])
+        for name in OF_STEPS
+    }
+    contact = ContactSolution(
+        pressure=pressure, gap=gap, displacement=displacement, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=numbers["mean_gap"][np.array(kept)],
+        result=state.result, **of_steps,
+    )  # fmt: skip
+    return contact, _of_whole(problem, numbers), state.failed
+
+
+def _of_whole(problem: TransientProblem, numbers: dict[str, Array]) -> dict[str, Array]:
+    """The numbers of all steps, and of the whole motion."""
+    load = numbers["load"]
+
+    def over(traction, without):
+        return jnp.where(load > 0, traction.T / jnp.where(load > 0, load, 1), without).T
+
+    # Load and tractions grow linearly in each step.
+    loads = (load + jnp.append(0, load[:-1])) / 2
+    shape, way = problem.displacement.shape, lengths(problem.steps[1])
+    friction, path = over(numbers["traction"], jnp.nan), jnp.sum(loads * way)
+    return numbers | dict(
+        traction=numbers["traction"].reshape(shape),
+        friction=friction.reshape(shape),
+        shear_friction=over(numbers["shear_traction"], 0).reshape(shape),
+        # Without a way, or without a load on it, there is none.
+        mean_friction=jnp.where(path > 0, numbers["work_done"][-1] / nonzero(path), jnp.nan),
+        mean_shear_friction=numbers["shear_work_done"][-1] / nonzero(path),
+        peak_friction=largest(jnp.where(load > 0, lengths(friction), 0)),
+        slope_in_contact=largest(numbers["slope"]),
+    )

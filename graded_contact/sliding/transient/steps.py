@@ -34,12 +34,11 @@ from ...contacts.solve import contact_of
 from ...contacts.solver.abstract_solver import Inputs, Loading
 from ...core.quantities import TRANSIENT
 from ...fields.grid import odd_wavevector, to_field, to_spectrum
-from ..case import WINDOW
+from ..case import WINDOW, Numerics
 from ..errors.grid import unseen_area
 from ..formulas import edges_of, indicator_of, touching_at, weighted_slope
 from ..number import AbstractSliding
-from ..numbers.area import contact_area, contact_area_pixels
-from ..numerics import Numerics
+from ..numbers.contact import contact_area, contact_area_pixels
 from ..problem import SteadyProblem
 from ..shear import Coulomb, shear_over_load, shear_parts
 from ..transient_problem import OneStep, TransientProblem
