@@ -20,7 +20,7 @@ from ...contacts.operators.operator import Field, nonzero
 from ...contacts.solution import ContactSolution
 from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete, within
-from ...core.compilation import compiled, compiled_loop
+from ...core.compilation import compiled, compiled_loop, varying
 from ...core.derivative import largest, still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
