@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import typing
 
 # Compiling is most of the time, and small grids need no fast programs.
 os.environ.setdefault(
@@ -27,6 +28,16 @@ settings.load_profile("same")
 jax.config.update("jax_enable_x64", True)
 # Programs without the lines that made them are lowered in less time.
 jax.config.update("jax_traceback_in_locations_limit", 0)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def leaves_unchecked():
+    """A check of the annotation takes twenty times the time of these, called for each leaf."""
+    from graded_contact.core.checks import is_concrete
+    from graded_contact.materials.softening import _is_soft
+
+    typing.no_type_check(is_concrete)
+    typing.no_type_check(_is_soft)
 
 
 @pytest.fixture

@@ -298,7 +298,7 @@ def wavy_load(width: float) -> float:
     return float(np.sin(half) ** 2 - WAVY * np.sqrt(np.tan(half)))
 
 
-def wavy_contact(load: float, points: int, longer: float = 1.0) -> tuple[float, gc.Sliding]:
+def wavy_contact(load: float, points: int, longer=1.0, **how) -> tuple[float, gc.Sliding]:
     """Range over the height h of the wave h cos(2πx), and its contact; p_w = π E* h = 1 Pa.
 
     The range is the shortest that a grid of so many points resolves, times `longer`.
@@ -310,7 +310,7 @@ def wavy_contact(load: float, points: int, longer: float = 1.0) -> tuple[float, 
     length = longer * np.sqrt(work / (0.3 * np.pi * points / 2))
     law = gc.contacts.ExponentialAdhesion(length, work)
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1 - POISSON**2, POISSON)))
-    return length / height, gc.slide(block, surface, pressure=load, velocity=0.0, law=law)
+    return length / height, gc.slide(block, surface, pressure=load, velocity=0.0, law=law, **how)
 
 
 CHALLENGE = {"modulus": 25e6, "work": 50e-3, "range": 2.071e-9, "pressure": 250e3}  # E*, SI units

@@ -51,9 +51,9 @@ def transient(block, heights, pressure, times, moved):
     return found.friction[-1]
 
 
-def two_bodies(block, counterface, heights, pressure, coefficient):
+def two_bodies(block, heights, pressure, velocity, counterface, coefficient):
     shear = gc.sliding.Coulomb(coefficient)
-    return slide(block, heights, pressure, 0.1, counterface=counterface, shear=shear)
+    return slide(block, heights, pressure, velocity, counterface=counterface, shear=shear)
 
 
 def heated(block, heights, pressure, temperature, conductivity):
@@ -79,9 +79,8 @@ STEADY = (BLOCK, HEIGHTS, 2e4, 0.1)
 CASES = {
     "modulus": (modulus, (RUBBER, 310.0, 50.0)),
     "compliance of layers": (compliance, (BLOCK, 2e4, 30.0)),
-    "friction, area and gap": (slide, STEADY),
     "without a period": (lambda *given: slide(*given, periodic=False), (BARE, *STEADY[1:])),
-    "of two bodies under Coulomb's law": (two_bodies, (BARE, BARE, HEIGHTS, 2e4, 0.3)),
+    "of two bodies under Coulomb's law": (two_bodies, (*STEADY, BARE, 0.3)),
     "of a cycle": (cycle, (BARE, HEIGHTS, 2e4, 1e4)),
     "with the heat of friction": (heated, (BARE, HEIGHTS, 2e4, 300.0, 0.2)),
     "friction of a transient": (transient, (BARE, HEIGHTS, 2e4, STEPS, 1e-2 * STEPS)),

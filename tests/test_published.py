@@ -5,11 +5,12 @@ import closed_forms
 import numpy as np
 import published
 import pytest
+from oracles import dense_contact
 
 import graded_contact as gc
 
 NU, REDUCED = published.POISSON, published.REDUCED
-ONE_COAT = [([(ratio, NU, 1.0)], 10.0) for ratio in (0.25, 0.5, 1.0, 2.0, 4.0)]
+ONE_COAT = [([(ratio, NU, 0.5)] * 2, 10.0) for ratio in (0.25, 4.0)]  # in two layers, as below
 TWO_LAYERS = [([(e, NU, 0.5) for e in moduli], 200.0) for moduli in ((0.25, 0.5), (4.0, 2.0))]
 
 
@@ -41,7 +42,7 @@ def check_errors(found, exact, most):
     assert np.all(np.abs(np.divide(found, exact) - 1) < most), (found, exact)
 
 
-@pytest.mark.parametrize(("layers", "curvature"), [ONE_COAT[0], ONE_COAT[-1], *TWO_LAYERS])
+@pytest.mark.parametrize(("layers", "curvature"), [*ONE_COAT, *TWO_LAYERS])
 def test_spheres_on_coats_are_those_of_the_integral(layers, curvature):
     found = published.layers_under_hertz(layers, curvature, 60)
     check_errors(found, integral(layers, curvature), (5e-4, 1e-2))
@@ -73,7 +74,7 @@ def test_a_punch_on_a_bonded_layer_is_that_of_hayes():
     layer = [(1.0, 0.5, 1.0)]
     found = [axisymmetric.punch_stiffness(radius, layer, None) for radius in HAYES]
     np.testing.assert_allclose(found, list(HAYES.values()), rtol=5e-5)
-    for radius in (0.4, 1, 2, 5):
+    for radius in (0.4, 5):
         factor, error = published.punch_on_a_layer(radius, 24)
         assert abs(factor - HAYES[radius]) < error < 0.13 * factor
         assert factor == pytest.approx(HAYES[radius], rel=0.04)
@@ -101,17 +102,70 @@ def test_a_load_that_moves_deflects_a_viscoelastic_road_as_ellva_vd():
     np.testing.assert_allclose(np.max(found), 0.791, rtol=0.009)
 
 
+# All waves of attraction share a program; one that fails has no numbers.
+HOW = {"solver": gc.contacts.DouglasRachford(max_steps=4000), "throw": False}
+
+
 def test_an_adhesive_wave_tends_to_that_of_johnson_as_the_range_falls():
     """Int. J. Solids Struct. 32 (1995) 423, α = 0.2."""
     exact = np.array(published.WIDTHS)
     loads = [published.wavy_load(width) for width in published.WIDTHS]
     np.testing.assert_allclose(loads, (0, 0.1, 0.3, 0.5), atol=2e-5)
     far, near = (
-        np.array([float(published.wavy_contact(p, 128, longer)[1].contact_area) for p in loads])
-        for longer in (1.4, 1.0)
+        np.array([published.wavy_contact(p, 128, one, **HOW)[1].contact_area for p in loads])
+        for one in (1.4, 1.0)
     )
     np.testing.assert_allclose(near, exact, rtol=0.1)  # 0.06 with 256 points
     assert np.all(np.abs(near - exact) < np.abs(far - exact))
+
+
+FINE = np.arange(128) / 128
+ELASTIC = gc.Elastic(0.75, 0.5)  # its reduced modulus is 1 Pa
+
+
+def attracted(heights, law, load, material=ELASTIC, cell=1.0):
+    """As many points as those of Johnson's wave: they share a program."""
+    surface = gc.Surface(heights, gc.Grid(128, cell))
+    how = dict(pressure=load, velocity=0.0, law=law, rtol=1e-8)
+    return gc.slide(gc.Stack(base=gc.HalfSpace(material)), surface, **how, **HOW)
+
+
+def touches(law, found):
+    return np.asarray(law.contact_indicator(found.pressure, found.gap, 1.0)) > 0
+
+
+def test_exponential_attraction_over_a_long_range_only_adds_to_the_load():
+    """The limit of Derjaguin, Muller & Toporov: a uniform tension w/λ presses like a load."""
+    heights = 0.01 * np.cos(2 * np.pi * FINE) + 0.002 * np.cos(10 * np.pi * FINE + 1)
+    work, length = 1e-3, 10.0
+    law = gc.contacts.ExponentialAdhesion(length, work)
+    for load, share in ((0.005, 0), (-0.5 * work / length, 5e-3)):
+        found = attracted(heights, law, load)
+        hard = dense_contact(np.asarray(found.operator.kernel), heights, load + work / length)
+        np.testing.assert_array_equal(touches(law, found), hard > 0)
+        # The gap varies by a thousandth of the range: 2e-3 of a load of w/2λ.
+        expected, atol = hard - work / length, 1e-2 * work / length
+        np.testing.assert_allclose(found.pressure, expected, rtol=share, atol=atol)
+
+
+def test_contact_mechanics_challenge_is_solved_where_its_range_is_resolved():
+    """V11: E* = 25 MPa, w = 0.05 J/m², λ = 2.071 nm, on its shortest wave of 0.1 μm, slope 1."""
+    cell, stiff = 1e-7, gc.Elastic(0.75 * 25e6, 0.5)
+    law = gc.contacts.ExponentialAdhesion(2.071e-9, 0.05)
+    amplitude = np.sqrt(2) * cell / (2 * np.pi)
+    wave = amplitude * np.cos(2 * np.pi * FINE)
+    found = attracted(wave, law, 250e3, stiff, cell)
+    assert found.result == gc.contacts.RESULTS.successful
+    np.testing.assert_allclose(np.mean(found.pressure), 250e3, rtol=1e-12)
+    touching, gap = touches(law, found), np.asarray(found.gap)
+    assert 0 < np.mean(touching) < 1
+    assert np.max(np.abs(gap[touching])) <= 1e-6 * amplitude
+    pull = -0.05 / 2.071e-9 * np.exp(-gap / 2.071e-9)
+    atol = 1e-6 * np.max(np.abs(pull))
+    np.testing.assert_allclose(np.asarray(found.pressure)[~touching], pull[~touching], atol=atol)
+    # Far coarser, as on any grid of the whole surface, the range is not resolved, and it says so.
+    coarse = attracted(1e3 * wave, law, 250e3, stiff, 1e-4)
+    assert coarse.result != gc.contacts.RESULTS.successful
 
 
 @pytest.mark.parametrize(("poisson", "series"), [(0.3, 7.464), (0.45, 9.263), (0.49, 10.130)])

@@ -16,6 +16,8 @@ from graded_contact.fitting.cards import toml_table
 from graded_contact.materials.shift import WLF, Arrhenius, TabulatedShift
 from graded_contact.scenes import parse_scene
 
+# Loops of a fit call small functions a hundred thousand times. Other tests of fits check them all.
+pytestmark = pytest.mark.usefixtures("unchecked_types")
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]
 TIMES = np.array([30.0, 0.3, 4e-3, 3e-5])  # [s] at the reference

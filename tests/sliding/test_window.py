@@ -51,16 +51,16 @@ def bowl(n, x, tilt=0.0):
 
 def test_sphere_is_that_of_hertz():
     """Radius, peak and approach a²/R; the stiffness 2E*a has the counted radius."""
-    for radius in (0.2, 0.4):
-        load, surface = 4 / 3 * REDUCED * radius**3, bowl(60, distances(60))
-        low, found, high = (press(surface, pressure=share * load) for share in (0.98, 1.0, 1.02))
-        contact_radius, peak = hertz_sphere(load, 1.0, REDUCED)[:2]
-        np.testing.assert_allclose(contact_radius, radius)
-        np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=6e-4)
-        np.testing.assert_allclose(found.approach, radius**2, rtol=6e-4)
-        np.testing.assert_allclose(found.contact_area, np.pi * radius**2, rtol=0.012)
-        stiffness = 0.04 * load / float(high.approach - low.approach)
-        np.testing.assert_allclose(stiffness, 2 * REDUCED * radius, rtol=0.012)
+    radius = 0.3
+    load, surface = 4 / 3 * REDUCED * radius**3, bowl(60, distances(60))
+    low, found, high = (press(surface, pressure=share * load) for share in (0.98, 1.0, 1.02))
+    contact_radius, peak = hertz_sphere(load, 1.0, REDUCED)[:2]
+    np.testing.assert_allclose(contact_radius, radius)
+    np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=6e-4)
+    np.testing.assert_allclose(found.approach, radius**2, rtol=6e-4)
+    np.testing.assert_allclose(found.contact_area, np.pi * radius**2, rtol=0.012)
+    stiffness = 0.04 * load / float(high.approach - low.approach)
+    np.testing.assert_allclose(stiffness, 2 * REDUCED * radius, rtol=0.012)
 
 
 def test_moment_is_that_of_a_shifted_sphere():
