@@ -29,6 +29,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core.compilation import one_by_one, varying
+from ..core.derivative import root_or_zero
 from ..fields.devices import required
 from .operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .solver.abstract_solver import Inputs, run_steps, slope
@@ -188,8 +189,7 @@ def _in_contact(
     operator: AbstractOperator, s, rhs, rtol, free_mean: bool, max_steps: int, throw: bool
 ):
     """√|s| τ, of zero mean unless that is free, where A τ = √|s| rhs."""
-    positive = s != 0  # elsewhere √ alone has an infinite slope
-    root = jnp.where(positive, jnp.sqrt(jnp.where(positive, jnp.abs(s), 1)), 0)
+    root = root_or_zero(jnp.abs(s))
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):

@@ -30,6 +30,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..core.compilation import varying
 from .adjoint import State, response
 from .operators.operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
 from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, softness
@@ -151,7 +152,7 @@ def error_of(numbers: Callable[[Array], Array], value: Array, change: Field, siz
         # Where nothing touches, a derivative may be no number.
         return jnp.sqrt(jnp.sum(jnp.where(change != 0, pull(row)[0] * change, 0) ** 2))
 
-    chance = jax.vmap(chance_of)(jnp.eye(after.size, dtype=after.dtype))
+    chance = jax.vmap(chance_of)(varying(jnp.eye(after.size, dtype=after.dtype)))
     rounding = _ROUNDING * jnp.finfo(after.dtype).eps * size
     return _SAFETY * jnp.abs(after - value) + _BY_CHANCE * chance + rounding
 

@@ -219,10 +219,12 @@ def check_rows(least: int, **arrays: Array) -> None:
         )
 
 
-def check_increasing(name: str, value: Array) -> None:
-    """Raises `ValueError` unless every entry of a row exceeds the one before it."""
-    if is_concrete(value):
-        entries = np.asarray(value)  # inside `jit` JAX would trace even known arrays
+def check_ascending(least: int, **columns: Array) -> None:
+    """Raises `ValueError` unless these are rows as in `check_rows`, and the first one ascends."""
+    check_rows(least, **columns)
+    name, first = next(iter(columns.items()))
+    if is_concrete(first):
+        entries = np.asarray(first)  # inside `jit` JAX would trace even known arrays
         falling = np.flatnonzero(np.diff(entries) <= 0) + 1
         if len(falling):
             i = falling[0]

@@ -19,8 +19,7 @@ from jaxtyping import Array, ArrayLike, Float, ScalarLike
 from ..core.checks import (
     as_float,
     as_scalar,
-    check_increasing,
-    check_rows,
+    check_ascending,
     check_values,
     is_concrete,
     numbers,
@@ -217,9 +216,8 @@ class TabulatedShift(AbstractShift):
         rows = {"temperatures": self.temperatures, "log10_factors": self.log10_factors}
         if self.vertical_factors is not None:
             rows["vertical_factors"] = self.vertical_factors
-        check_rows(2, **rows)
+        check_ascending(2, **rows)
         check_values("log10_factors", self.log10_factors, "finite numbers")
-        check_increasing("temperatures", self.temperatures)
         self._check_covered("reference", self.reference)
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:

@@ -16,15 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_increasing,
-    check_rows,
-    is_concrete,
-    positive,
-    scalar,
-)
+from ..core.checks import Numbers, as_float, check_ascending, is_concrete, positive, scalar
 from ..core.spline import monotone_cubic
 from .material import AbstractMaterial, material_called
 
@@ -56,8 +48,7 @@ class StrainSoftening(AbstractMaterial):
     )
 
     def __check_init__(self):
-        check_rows(2, strain=self.strain, storage=self.storage, loss=self.loss)
-        check_increasing("strain", self.strain)
+        check_ascending(2, strain=self.strain, storage=self.storage, loss=self.loss)
 
     def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""

@@ -10,9 +10,8 @@ from ..core.checks import (
     as_float,
     as_numbers,
     as_poisson,
-    check_increasing,
+    check_ascending,
     check_positive,
-    check_rows,
     check_type,
     positive,
 )
@@ -57,10 +56,9 @@ class Tabulated(AbstractMaterial):
         self.storage, self.loss = modulus.real, modulus.imag
         self.poisson = as_poisson(poisson)
         self.shift = shift
-        check_rows(2, omega=self.omega, modulus=modulus)
+        check_ascending(2, omega=self.omega, modulus=modulus)
         check_positive("modulus.real", self.storage, "[Pa]")
         check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
-        check_increasing("omega", self.omega)
         check_type("shift", shift, AbstractShift, type(None))
 
     def complex_modulus(self, omega: Numbers) -> Complex[Array, "*w"]:

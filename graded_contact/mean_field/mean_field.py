@@ -31,6 +31,7 @@ half space's are derived from complete contact.
 """
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -57,6 +58,7 @@ from ..core.checks import (
 from ..core.compilation import compiled
 from ..core.derivative import still
 from ..core.display import shown
+from ..fields.devices import required
 from ..fields.frequency import as_velocity, direction_and_speed
 from ..materials.shift import HOTTEST, as_temperature
 from ..materials.softening import as_strain_per_slope
@@ -264,7 +266,8 @@ def _assembled(found, load, heated) -> MeanField:
 def reached(solution: MeanField, rtol: float = RTOL) -> MeanField:
     """Returns one or several mean fields; raises `RuntimeError` for an error above `rtol`."""
     if not is_concrete(solution.error):
-        return eqx.error_if(solution, ~(solution.error <= rtol), _NOT_REACHED)
+        good = jnp.all(solution.error <= rtol)
+        return required(solution, good, partial(eqx.error_if, msg=_NOT_REACHED))
     if not np.all(np.asarray(solution.error) <= rtol):  # so that NaN fails
         raise RuntimeError(_NOT_REACHED)
     return solution

@@ -25,6 +25,7 @@ from jaxtyping import Array, Float, Inexact
 from ..blocks.stack import HalfSpace, Stack, interface_depths
 from ..core.checks import Numbers, as_float, as_numbers, check_values, is_concrete
 from ..core.compilation import compiled
+from ..core.derivative import root_or_zero
 from ..core.display import shown
 from ..fields.frequency import sliding_frequency
 from ..fields.grid import Grid, both_signs, even_on_nyquist, to_field, to_spectrum, wavevector
@@ -122,10 +123,7 @@ def von_mises(stress: Float[Array, "*w 3 3"]) -> Float[Array, "*w"]:
     """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses [Pa], s their deviator."""
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
-    squared = 1.5 * jnp.sum(deviator**2, axis=(-2, -1))
-    # The root has no derivative at 0.
-    none = squared == 0
-    return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared)))
+    return root_or_zero(1.5 * jnp.sum(deviator**2, axis=(-2, -1)))
 
 
 def checked_depth(name: str, stack: Stack, depth: Array) -> Array:

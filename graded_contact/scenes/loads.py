@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import ArrayLike, Float
 
-from ..core.checks import as_float, check_increasing, check_positive, check_rows, check_values
+from ..core.checks import as_float, check_ascending, check_positive, check_values
 from ..fields.frequency import velocity_along
 from ..fields.grid import Grid
 from ..readers.series import read_over_time
@@ -97,7 +97,7 @@ def load_over_time(
             path = builder.entry("load", "pressure_path", path)
             times, pressures = read_over_time(path, "pressures")
             check_positive("pressure", pressures, "[Pa]")
-            check_increasing("time", as_float(times))
+            check_ascending(1, time=as_float(times))
             highest = float(np.max(pressures))
             return LoadOverTime(as_float(times - times[0]), as_float(pressures / highest)), highest
         ratios = as_float(ratios, "pressure_ratio")
@@ -107,8 +107,7 @@ def load_over_time(
                 raise ValueError("`ratio_times` is for [[motion]]: a cycle has equal times.")
             times = np.arange(ratios.size) / ratios.size
         times = as_float(times, "ratio_times")
-        check_rows(1, pressure_ratio=ratios, ratio_times=times)
-        check_increasing("ratio_times", times)
+        check_ascending(1, ratio_times=times, pressure_ratio=ratios)
         check_values("ratio_times", times, "a time [s] is 0 or positive", at_least=0)
         return LoadOverTime(times, ratios), None
 

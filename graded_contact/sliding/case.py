@@ -21,9 +21,8 @@ from ..contacts.solver.nested_solve import DouglasRachford
 from ..core.checks import (
     Numbers,
     as_float,
-    check_increasing,
+    check_ascending,
     check_positive,
-    check_rows,
     check_type,
     check_values,
     is_concrete,
@@ -217,10 +216,9 @@ class Case(eqx.Module):
             if refused is not None:
                 raise ValueError(f"`{name}` is not supported with `times`.")
         times = self.times
-        check_rows(1, times=times)
+        check_ascending(1, times=times)
         check_path(self.displacement, len(times), grid.ndim)
         check_positive("times", times, "[s]")
-        check_increasing("times", times)
         if is_concrete(self.displacement):
             known = np.asarray(self.displacement)  # inside of a program, too
             whole = np.concatenate([np.zeros_like(known[:1]), known])  # it begins at 0

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import Numbers, as_float, check_increasing, check_rows, positive
+from ..core.checks import Numbers, as_float, check_ascending, positive
 from ..core.display import shown
 from .spectrum import SelfAffine, power_integral
 
@@ -34,8 +34,7 @@ class SpectrumTable(eqx.Module):
     angle = None  # without a lay
 
     def __check_init__(self):
-        check_rows(2, q=self.q, values=self.values)
-        check_increasing("q", self.q)
+        check_ascending(2, q=self.q, values=self.values)
 
     @classmethod
     def from_line(cls, q: Numbers, line: Numbers, **said: tuple[str, ...]) -> "SpectrumTable":

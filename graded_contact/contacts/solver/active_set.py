@@ -80,7 +80,7 @@ def pressure_on(contact, solid: Coated, pressure: Field, tolerance: Scalar, unch
     def eliminate(room):
         assert green is not None  # of a matrix between few points
         found = solve_on_few(mask, green, coat, heights, load * mask.size, room)
-        return found, jnp.zeros((), found.dtype), jnp.asarray(0)
+        return varying((found, jnp.zeros((), found.dtype), jnp.asarray(0)))
 
     # Matrices of a few sizes, each four times the last.
     most = most_eliminated(operator, pressure)

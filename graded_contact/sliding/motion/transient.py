@@ -12,8 +12,7 @@ from jaxtyping import Array, ScalarLike
 
 from ...core.checks import (
     Numbers,
-    check_increasing,
-    check_rows,
+    check_ascending,
     check_values,
     check_whole,
     is_concrete,
@@ -139,8 +138,7 @@ def table_of(times: Numbers, displacement: Numbers) -> Motion:
     """Times and displacements, at least two, of which the times ascend."""
     table = Motion(displacement, times=times)
     ends = jnp.asarray(table.times)
-    check_rows(2, times=ends)
-    check_increasing("times", ends)
+    check_ascending(2, times=ends)
     check_values("displacement", table.displacement, "a displacement [m] must be finite")
     check_path(table.displacement, len(ends), 2)
     return table

@@ -17,7 +17,7 @@ real part may be negative for some waves. Under other laws the traction lags (`i
 import functools
 import operator as operators
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Bool
@@ -48,22 +48,23 @@ def steady_problem(case: Case) -> tuple[SteadyProblem, Array | bool]:
     itemsize = surface.heights.dtype.itemsize
     check_memory("surface", "sliding", SLIDING, grid.shape, itemsize, num_devices(grid.size))
     strain = _strain_of(case)
-    block = _response(case, stack, case.velocity, strain)
-    kernel, kernel_error, reached = block.kernel, block.error, block.reached
+    kernel, kernel_error, coupling, reached = _response(case, stack, case.velocity, strain)
     counterface = None
     if case.counterface is not None:
         with within("`counterface`:"):
-            other = _response(case, case.counterface, np.zeros(()), strain, opposite=True)
-        kernel, reached = kernel + other.kernel, reached & other.reached
-        if kernel_error is not None and other.error is not None:
-            kernel_error = kernel_error + other.error
-        operator = operator_of(other.kernel, surface.heights.shape)
-        counterface = Counterface(operator, other.kernel, other.coupling)
+            other, error, traction, good = _response(
+                case, case.counterface, np.zeros(()), strain, opposite=True
+            )
+        kernel, reached = kernel + other, reached & good
+        if kernel_error is not None:
+            kernel_error = kernel_error + error
+        operator = operator_of(other, surface.heights.shape)
+        counterface = Counterface(operator, other, traction)
     sheared = shear_stress(case.shear, case.velocity, case.temperature)
     problem = SteadyProblem(
         operator=operator_of(kernel, surface.heights.shape), heights=surface.heights,
         measured=surface.measured, grid=surface.grid, velocity=case.velocity, law=case.law,
-        shear=sheared, coupling=block.coupling, counterface=counterface,
+        shear=sheared, coupling=coupling, counterface=counterface,
         kernel_error=kernel_error, prescribed=case.prescribed, facts=facts_of(case),
     )  # fmt: skip
     return problem, reached
@@ -79,27 +80,13 @@ def _strain_of(case: Case) -> tuple[Array, Array] | None:
     return q, ratio * slope
 
 
-class _Response(NamedTuple):
-    """The response of a body to pressure, and to traction in proportion to it.
+def _response(
+    case: Case, stack: Stack, velocity: Any, strain, opposite: bool = False
+) -> tuple[Array, Any, Coupling, Array | bool]:
+    """The kernel of a body of a case over which the surface has this velocity [m/Pa].
 
-    **Fields:**
-
-    - `kernel`: M_zz, with Coulomb's law M_zz + f M_ze [m/Pa].
-    - `error`: its errors on a window [m/Pa], or None.
-    - `coupling`: by traction.
-    - `reached`: whether all is good.
-    """
-
-    kernel: Array
-    error: Array | None
-    coupling: Coupling
-    reached: Array | bool
-
-
-def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = False) -> _Response:
-    """The response of a body of a case over which the surface has this velocity.
-
-    `opposite` if the traction on the body is opposite to that on the block.
+    With Coulomb's law it contains the traction, `opposite` to that on the block or not. Then its
+    errors on a window, or None; its coupling by traction; and whether all is good.
     """
     surface, grid = case.surface, case.surface.grid
     strain = strain if softens(stack) else None
@@ -116,13 +103,15 @@ def _response(case: Case, stack: Stack, velocity: Any, strain, opposite: bool = 
         grounded = all(has_ground(body, grid) for body in case.bodies)
         kernel, error = without_images(kernels[0], kernels[1], grid, grounded)
     if not is_coupled(case.shear):
-        return _Response(kernel, error, Coupling(), reached)
+        return kernel, error, Coupling(), reached
     coupling, lift_error, good = _coupling(case, stack, velocity, cells, strain)
     if isinstance(case.shear, Coulomb):
         coefficient = -case.shear.coefficient if opposite else case.shear.coefficient
-        lifts = coupling.lift[0], lift_error
-        kernel, error = _under_coulomb(coefficient, (kernel, error), lifts)
-    return _Response(kernel, error, coupling, reached & good)
+        # Without friction a real kernel stays real.
+        if not (is_concrete(coefficient) and np.asarray(coefficient) == 0):
+            kernel = _lifted(kernel, coefficient, coupling.lift[0])
+            error = None if error is None else _lifted(error, coefficient, lift_error)
+    return kernel, error, coupling, reached & good
 
 
 def _coupling(
@@ -153,15 +142,7 @@ def _coupling(
     return Coupling((lift,), ((along,),), isinstance(case.shear, Coulomb)), error, good
 
 
-def _under_coulomb(coefficient: Array, parts: Sequence[Any], lifts: Sequence[Any]) -> Sequence[Any]:
-    """Returns M_zz + f M_ze of a kernel and of its errors on a window, or None if it has none."""
-    # Without friction a real kernel stays real.
-    if is_concrete(coefficient) and np.asarray(coefficient) == 0:
-        return parts
-    pairs = zip(parts, lifts, strict=True)
-    return [None if lift is None else _lifted(part, coefficient, lift) for part, lift in pairs]
-
-
 @compiled
-def _lifted(part: Array, coefficient: Array, lift: Array) -> Array:
+def _lifted(part: Array, coefficient: Array, lift: Any) -> Array:
+    """M_zz + f M_ze."""
     return part + coefficient.astype(part.real.dtype) * lift

@@ -20,7 +20,7 @@ from ...contacts.operators.operator import Field, nonzero
 from ...contacts.solution import ContactSolution
 from ...contacts.solver.nested_solve import DouglasRachford
 from ...core.checks import is_concrete, within
-from ...core.compilation import compiled, compiled_loop
+from ...core.compilation import compiled, compiled_loop, varying
 from ...core.derivative import largest, still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
@@ -157,8 +157,9 @@ def _run(
 
     def one(state, given):
         like = jax.eval_shape(advance.step, state, given)[1]
-        stay = lambda: (state, jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like))  # noqa: E731
-        return jax.lax.cond(given.counts, lambda: advance.step(state, given), stay)
+        none = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), like)
+        ways = lambda: advance.step(state, given), lambda: (state, none)
+        return jax.lax.cond(given.counts, *(lambda way=way: varying(way()) for way in ways))
 
     def segment(state, first):
         rows = first + jnp.arange(length)
@@ -167,7 +168,8 @@ def _run(
 
     policy = jax.checkpoint_policies.save_only_these_names(STEP_CONTACT)
     segment = jax.checkpoint(segment, policy=policy)
-    state, numbers = jax.lax.scan(segment, advance.init(len(kept)), jnp.arange(0, count, length))
+    start = varying(advance.init(len(kept)))
+    state, numbers = jax.lax.scan(segment, start, jnp.arange(0, count, length))
     numbers = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:])[:count], numbers)
     pressure, gap, displacement, correction = state.kept
     of_steps = {
