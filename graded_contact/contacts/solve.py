@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ScalarLike
 
 from ..core.checks import Numbers, as_float, as_numbers, check_tolerance, in_precision, is_concrete
@@ -20,7 +21,7 @@ from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from .adjoint import attach_gradient
 from .estimates import assess, contact_state, penalty_at
-from .inputs import as_start, check_heights, check_kernel, loading_on
+from .inputs import as_start, check_gap, check_heights, check_kernel, loading_of
 from .law import AbstractLaw, HardWall, Windowed, depth_of_flow, never_overlaps
 from .operators.operator import nonzero
 from .operators.window import Window, operator_of, with_ground
@@ -109,8 +110,11 @@ def solve_contact(
         "heights", "a contact", CONTACT, cell, heights.dtype.itemsize, num_devices(heights)
     )
     check_kernel(operator.kernel, heights.shape, on_window, throw)
-    given = {"pressure": pressure, "mean_gap": mean_gap, "approach": approach}
-    loading = loading_on(operator, law, heights, **given)
+    # Not by JAX: a loop would trace it.
+    known = approach is not None and is_concrete(operator.kernel)
+    ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
+    load = check_gap(on_window, ground, pressure, mean_gap=mean_gap, approach=approach)
+    loading = loading_of(law, heights, None, **load)
     start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
     return contact_of(inputs, solver, rtol, derivative_rtol, start, solution, throw)
