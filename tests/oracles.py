@@ -1,4 +1,4 @@
-"""Brute-force solutions that share no code with the package, and differences for gradients."""
+"""Brute-force solutions that share no code with the package, differences, a rough surface."""
 
 from itertools import pairwise
 
@@ -7,6 +7,20 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize
 from scipy.special import erf
+
+import graded_contact as gc
+
+
+def rough(shape, size, first=1, last=4, seed=0, rms_slope=0.2) -> gc.Surface:
+    """Of `first` to `last` waves a side, self-affine above the middle; nothing is compiled."""
+    grid, cell = gc.Grid(shape, size), np.broadcast_to(size, len(shape))
+    waves = [np.fft.fftfreq(n, length / n) for n, length in zip(shape, cell, strict=True)]
+    q = np.linalg.norm(np.meshgrid(*waves, indexing="ij"), axis=0) * max(cell)
+    inside = (q >= first - 1e-9) & (q <= last + 1e-9)
+    noise = np.fft.fftn(np.random.default_rng(seed).normal(size=shape))
+    noise = noise * inside * np.maximum(q, last / 2) ** (-0.8 - len(shape) / 2)
+    slope = 2 * np.pi / max(cell) * np.linalg.norm(q * noise) / noise.size
+    return gc.Surface(np.fft.ifftn(noise).real * rms_slope / slope, grid)
 
 
 def maxwell(omega, equilibrium, strengths, times):

@@ -1,21 +1,6 @@
 """Small contact scenes shared by the tests: compiling them is most of the time."""
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-
 import graded_contact as gc
-
-
-def rough(grid: gc.Grid, seed: int = 0, rms_slope: float = 0.2, cut: int = 8) -> gc.Surface:
-    """A self-affine surface with wavelengths down to the `cut`-th part of the Nyquist number."""
-    q0 = 2 * np.pi / float(jnp.max(grid.size))
-    q_high = max(min(grid.shape) // cut, 2) * q0
-    spectrum = gc.SelfAffine(
-        rms_slope=rms_slope, hurst=0.8, q_low=q0, q_roll=min(4 * q0, 0.9 * q_high), q_high=q_high
-    )
-    return gc.random_surface(spectrum, grid, jax.random.key(seed))
-
 
 RUBBER = gc.Prony(0.75, [0.75 * 9], [1.0], 0.5)  # reduced modulus 1 Pa at rest, 10 Pa at speed
 BODIES = {

@@ -3,12 +3,13 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from conftest import BODIES, LAWS, SPEED, rough
+from conftest import BODIES, LAWS, SPEED
+from oracles import rough
 
 import graded_contact as gc
 
 GRID = gc.Grid((16, 16), 1.0)
-HEIGHTS = rough(GRID, cut=4).heights
+HEIGHTS = rough(GRID.shape, 1.0).heights
 WEIGHTS = jnp.asarray(np.random.default_rng(0).normal(size=GRID.shape))
 PLAIN = gc.contacts.DouglasRachford(newton=False)
 
@@ -99,7 +100,7 @@ def test_derivative_is_one_sided_where_a_point_only_just_touches():
 def test_solves_under_shard_map_and_their_derivatives_are_those_of_each():
     grid, step = gc.Grid((32, 32), 1.0), 1e-6  # large enough for Newton steps on few points
     kernel = np.asarray(gc.stack_kernel(BODIES["elastic"], grid))
-    heights = np.asarray(rough(grid, cut=4).heights)
+    heights = np.asarray(rough(grid.shape, 1.0, last=8).heights)
     loads = np.array([0.05, 0.1, 0.1 - step, 0.1 + step])
 
     def total(load):

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import rough
+from oracles import rough
 
 import graded_contact as gc
 from graded_contact.contacts.area import Edges, cuts_of, edge_stiffness, sub_pixel_area
@@ -59,7 +59,7 @@ def test_waves_of_four_points_and_more_are_no_cuts(points):
 
 
 def test_a_groove_is_cut_at_both_of_its_sides_and_a_step_of_the_seam_of_a_window_is_not():
-    heights = np.array(rough(gc.Grid((32, 32), 1.0), cut=4).heights)
+    heights = np.array(rough((32, 32), 1.0, last=8).heights)
     heights[9:14] -= 100 * np.std(heights)
     along, across = map(np.asarray, cuts(heights, True))
     assert np.all(along[[8, 13]] == 1)

@@ -5,12 +5,14 @@ from typing import Any
 
 import jax
 import numpy as np
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, SPEED
 
 import graded_contact as gc
 
 GRID = gc.Grid((32, 32), 1.0)
-SURFACE = rough(GRID, cut=4)
+Q0 = 2 * np.pi
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=8 * Q0)
+SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
 LOAD = 0.05
 
 

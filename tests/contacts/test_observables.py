@@ -2,7 +2,8 @@ import closed_forms
 import jax
 import jax.numpy as jnp
 import numpy as np
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, SPEED
+from oracles import rough
 
 import graded_contact as gc
 from graded_contact.contacts import area as area_of
@@ -62,7 +63,8 @@ def test_smooth_area_is_exact_at_its_ends_and_has_finite_gradients_at_corners_of
 
 def test_full_contact_friction_is_exact_for_a_rough_surface():
     """V12: p(q) = h(q)/M(q, -q·v), summed over the full plane by plain NumPy."""
-    surface, name, v = rough(GRID, rms_slope=0.05), "three layers", np.array([0.06, -0.08])
+    surface, v = rough(GRID.shape, 1.0, rms_slope=0.05), np.array([0.06, -0.08])
+    name = "three layers"
     k = np.fft.fftfreq(N, 1 / N)
     qx, qy = np.meshgrid(2 * np.pi * k, 2 * np.pi * k, indexing="ij")
     q = np.hypot(qx, qy)
@@ -88,7 +90,7 @@ def test_full_contact_friction_is_exact_for_a_rough_surface():
 def test_friction_of_all_waves_is_the_friction_and_the_dissipation():
     velocity = np.array([0.06, -0.08])
     kernel = gc.stack_kernel(BODIES["three layers"], GRID, velocity)
-    heights = rough(GRID).heights
+    heights = rough(GRID.shape, 1.0).heights
     s = sliding(gc.solve_contact(kernel, heights, 0.05, **PLAIN), kernel, heights, velocity)
     total = s.friction
 

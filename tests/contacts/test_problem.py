@@ -1,7 +1,8 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, SPEED
 from oracles import dense_contact, dense_operator
 
 import graded_contact as gc
@@ -102,7 +103,9 @@ def full_pressure(kernel):
     return np.fft.irfft(np.fft.rfft(HEIGHTS) * stiffness, 64)
 
 
-HEIGHTS = np.asarray(rough(LINE).heights)
+Q0 = 2 * np.pi
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=8 * Q0)
+HEIGHTS = np.asarray(gc.random_surface(SPECTRUM, LINE, jax.random.key(0)).heights)
 COATED = np.array(gc.stack_kernel(BODIES["coated"], LINE, SPEED))
 
 

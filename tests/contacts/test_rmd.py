@@ -2,12 +2,13 @@
 
 import jax.numpy as jnp
 import numpy as np
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, SPEED
+from oracles import rough
 
 import graded_contact as gc
 
 GRID = gc.Grid((32, 32), 1.0)
-SURFACE = rough(GRID, cut=4)
+SURFACE = rough(GRID.shape, 1.0, last=8)
 HEIGHTS = SURFACE.heights
 RMS = float(jnp.std(HEIGHTS))
 LOAD = 0.05

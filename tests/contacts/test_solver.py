@@ -3,14 +3,14 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from conftest import BODIES, rough
-from oracles import dense_contact
+from conftest import BODIES
+from oracles import dense_contact, rough
 
 import graded_contact as gc
 from graded_contact.contacts import SolverOutput
 
 GRID = gc.Grid((16, 16), 1.0)
-SURFACE = rough(GRID, cut=4)
+SURFACE = rough(GRID.shape, 1.0)
 LOAD = 0.05
 
 

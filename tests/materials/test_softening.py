@@ -5,7 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from oracles import gauss_over_angles, maxwell, persson
+from oracles import gauss_over_angles, maxwell, persson, rough
 from scipy.interpolate import PchipInterpolator
 
 import graded_contact as gc
@@ -18,11 +18,7 @@ RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49, shift=gc.WLF(5.0, 80.0, 3
 STRAIN, STORAGE, LOSS = [1e-3, 1e-2, 0.1, 0.5], [1.0, 0.8, 0.45, 0.3], [1.0, 1.1, 0.7, 0.35]
 SOFT = StrainSoftening(RUBBER, STRAIN, STORAGE, LOSS)
 GRID = gc.Grid((64,), CELL)
-PROFILE = gc.random_surface(
-    gc.SelfAffine(rms_slope=0.15, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=12 * Q0),
-    GRID,
-    jax.random.key(3),
-)
+PROFILE = rough(GRID.shape, CELL, last=12, seed=3, rms_slope=0.15)
 
 
 def on(material):

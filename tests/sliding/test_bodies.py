@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rough
 
 import graded_contact as gc
 from graded_contact.fields.grid import wavevector
@@ -16,11 +17,6 @@ from graded_contact.sliding.case import WINDOW
 from graded_contact.sliding.interior.heat_source import shear_traction
 
 Q0, LOAD = 2 * np.pi, 0.2
-
-
-def rough(n, seed=0, cut=4):
-    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=cut * Q0)
-    return gc.random_surface(spectrum, gc.Grid((n,), 1.0), jax.random.key(seed))
 
 
 def rubber(strength=3.0, time=0.05, equilibrium=1.0, poisson=0.3):
@@ -36,7 +32,7 @@ RIGID = elastic(1e13)
 
 
 N = 15  # points and times of all lines: they share programs
-ROUGH, OTHER = rough(N), rough(N, seed=3)
+ROUGH, OTHER = rough((N,), 1.0), rough((N,), 1.0, seed=3)
 OTHER_BLOCK = rubber(10.0, 0.5, 1.0, 0.4)
 
 
@@ -162,7 +158,7 @@ def test_two_bodies_obey_the_conditions_of_contact_with_a_dense_matrix():
     t = x = np.arange(N) / N
     s = 0.15 * np.sin(2 * np.pi * t) + 0.05 * np.cos(4 * np.pi * t)
     load = LOAD * (1 + 0.4 * np.sin(2 * np.pi * t))
-    own, other = rough(n, cut=3), rough(n, seed=3, cut=3)
+    own, other = rough((n,), 1.0, last=3), rough((n,), 1.0, last=3, seed=3)
     counterface = rubber(8.0, 0.2, 2.0)
     found = cycle(rubber(), own, s, pressure=load, counterface=counterface, block_surface=other)
     powers = "dissipated_power", "counterface_power"

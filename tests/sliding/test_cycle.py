@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rough
 from scipy.special import jv
 
 import graded_contact as gc
@@ -42,16 +43,7 @@ def steady(velocity):
     return gc.sliding.Motion(np.sign(velocity) * TIMES, 1 / abs(velocity))
 
 
-def rough(grid, cut, seed=0):
-    """A self-affine surface with wavelengths down to the `cut`-th part of the period."""
-    q0 = 2 * np.pi
-    spectrum = gc.SelfAffine(
-        rms_slope=0.2, hurst=0.8, q_low=q0, q_roll=min(4, 0.9 * cut) * q0, q_high=cut * q0
-    )
-    return gc.random_surface(spectrum, grid, jax.random.key(seed))
-
-
-ROUGH = rough(GRID, cut=4)
+ROUGH = rough(GRID.shape, 1.0)
 LOAD = 0.05
 SINE = 0.2 * np.sin(2 * np.pi * TIMES)
 
@@ -92,7 +84,7 @@ def test_steady_sliding_is_that_of_slide():
 def test_steady_sliding_in_two_dimensions_is_that_of_slide():
     """And along a circle mean friction is the work over load and path."""
     grid = gc.Grid((8, 8), 1.0)
-    surface = rough(grid, cut=3)
+    surface = rough(grid.shape, 1.0, last=3)
     moved = np.repeat(np.arange(24.0)[:, None] / 24, 2, axis=1)
     stack = gc.Stack(layers=(gc.Layer(gc.Elastic(2.0, 0.4), 0.05),), base=rubber().base)
     found, expected = cycle(stack, surface, moved, 0.5), slide(stack, surface, (2.0, 2.0))

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rough
 from scipy.linalg import solve_banded
 
 import graded_contact as gc
@@ -23,8 +24,7 @@ from graded_contact.sliding.interior.heat_source import (
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
-SPECTRUM = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=4 * Q0)
-SURFACE = gc.random_surface(SPECTRUM, gc.Grid((15, 15), CELL), jax.random.key(0))
+SURFACE = rough((15, 15), CELL, rms_slope=0.3)
 RUBBER = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)
 COAT = gc.Prony(5e6, [1e7], [1e-3], 0.4)
 HALF_SPACE = gc.Stack(base=gc.HalfSpace(RUBBER))

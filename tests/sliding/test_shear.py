@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from oracles import rough
 
 import graded_contact as gc
 from graded_contact.sliding import ConstantShear, PeakedShear
@@ -10,7 +11,7 @@ from graded_contact.sliding import ConstantShear, PeakedShear
 CELL = 0.01  # m
 Q0 = 2 * np.pi / CELL
 SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=2.3 * Q0, q_high=5.3 * Q0)
-SURFACE = gc.random_surface(SPECTRUM, gc.Grid((16, 16), CELL), jax.random.key(0))
+SURFACE = rough((16, 16), CELL, last=5)
 BLOCK = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.5)))
 PEAK = PeakedShear(5e6, 6e-3, 0.1, gc.Arrhenius(9e4, 293.0))
 

@@ -1,10 +1,10 @@
 import dataclasses
 
 import hypothesis.strategies as st
-import jax
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import given, settings
+from oracles import rough
 
 import graded_contact as gc
 from graded_contact.contacts.solve import RTOL
@@ -13,8 +13,7 @@ CELL = 0.01  # m
 GRID = gc.Grid((16, 16), CELL)
 Q0 = 2 * np.pi / CELL
 # Its edges lie between the modes of the cell, where the surface depends on them smoothly.
-SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=3.3 * Q0, q_high=5.3 * Q0)
-SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
+SURFACE = rough(GRID.shape, CELL, last=5)
 TREAD = gc.tyre_tread()
 
 

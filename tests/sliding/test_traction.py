@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rough
 
 import graded_contact as gc
 from graded_contact.fields.frequency import direction_and_speed
@@ -13,9 +14,7 @@ from graded_contact.sliding import AbstractShear, Coulomb
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
-SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=4 * Q0)
-ROAD = gc.random_surface(SPECTRUM, gc.Grid((16, 16), CELL), jax.random.key(0))
-LINE = gc.random_surface(SPECTRUM, gc.Grid((32,), CELL), jax.random.key(0))
+ROAD, LINE = rough((16, 16), CELL), rough((32,), CELL)
 COAT = gc.Layer(gc.Elastic(8e6, 0.4), 1e-4)
 BLOCK = gc.Stack(layers=(COAT,), base=gc.HalfSpace(gc.Prony(1e6, [4e6], [1e-3], 0.2)))
 LOAD = 5e4
