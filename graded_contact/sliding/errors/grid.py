@@ -166,8 +166,9 @@ def _changes(name: str, found: Found) -> tuple[Array, Array, Array]:
     near = found.near
     own, same, half = (value_of(name, one) for one in (found, *near.both(found)))
     changes = jnp.abs(jnp.stack([same - half, own - same]))
-    # A neighbour may fail, or lose a contact of few points, and with it the number.
-    changes = jnp.where(jnp.isnan(changes), jnp.abs(own), changes)
+    # A neighbour may fail, or lose a contact of few points, and with it the number. A time without
+    # contact, which has no friction, says nothing about the others.
+    changes = jnp.where(jnp.isnan(changes), jnp.abs(jnp.nan_to_num(own)), changes)
     # At one time they may cancel by chance.
     if own.ndim:
         changes = jnp.maximum(changes, jnp.mean(changes, axis=1, keepdims=True))

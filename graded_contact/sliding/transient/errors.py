@@ -99,7 +99,7 @@ def _by_steps(name: str):
             return _KEPT_BY_TIMES * jnp.abs(own - fewer.recorded[name])
         chosen = np.array(_halved_steps(len(own)))
         change = jnp.abs(own[chosen] - fewer.recorded[name])
-        change = jnp.where(jnp.isnan(change), jnp.abs(own[chosen]), change)
+        change = jnp.where(jnp.isnan(change), jnp.abs(jnp.nan_to_num(own[chosen])), change)
         columns = change.reshape(len(change), -1).T
         at = [jnp.interp(found.times, found.times[chosen], column) for column in columns]
         moved = jnp.stack(at, axis=-1).reshape(own.shape)
