@@ -9,7 +9,7 @@ from graded_contact.blocks.profile import Blend
 from graded_contact.contacts import DouglasRachford
 from graded_contact.fields.grid import Grid
 from graded_contact.scenes import kinds
-from graded_contact.scenes.outputs import Observe, Output
+from graded_contact.scenes.scene import Observe, Output
 from graded_contact.sliding import Fluid, Heating
 from graded_contact.sliding.shear import SHEARS
 

@@ -13,7 +13,6 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import check_type, is_concrete, scalar, short, within
 from ..core.display import shown
-from ..core.parameters import places
 from ..materials.material import AbstractMaterial, Prony, material_called
 from .tolerance import AbstractGradedSolver
 
@@ -167,21 +166,14 @@ def _parts(stack):
     return {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
 
 
-def liquid_in(stack: Stack) -> str | None:
-    """Returns the path of a material that is a liquid, such as "base.material", or None."""
-    is_series = lambda node: isinstance(node, Prony)  # noqa: E731
-    for node in filter(is_series, jax.tree.leaves(stack, is_leaf=is_series)):
-        # A traced modulus of 0 gives a kernel that is not finite, which the solve reports.
-        if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
-            return places(stack, node)[0]
-    return None
-
-
 def check_at_rest(stack: Stack) -> None:
     """Raises `ValueError` if a material is a liquid, which at rest gives way without a limit."""
-    path = liquid_in(stack)
-    if path is not None:
-        raise ValueError(f"`{path.partition('.')[0]}` {LIQUID}")
+    is_series = lambda node: isinstance(node, Prony)  # noqa: E731
+    for path, node in jax.tree_util.tree_leaves_with_path(stack, is_leaf=is_series):
+        # A traced modulus of 0 gives a kernel that is not finite, which the solve reports.
+        if is_series(node) and is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
+            _, place, *_ = jax.tree_util.keystr(path).split(".")
+            raise ValueError(f"`{place}` {LIQUID}")
 
 
 def is_graded(stack: Stack) -> bool:

@@ -33,7 +33,7 @@ from jaxtyping import Array
 from ..core.compilation import varying
 from .adjoint import State, response
 from .operators.operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
-from .solver.abstract_solver import Inputs, SolverOutput, penalty_for, slope, softness
+from .solver.abstract_solver import Inputs, SolverOutput, slope
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
 # 30`).
@@ -47,7 +47,7 @@ def penalty_at(inputs: Inputs, found: SolverOutput) -> Scalar:
     pressure = found.pressure
     touching = inputs.law.contact_indicator(pressure, found.gap, 1.0) > 0
     loaded = jnp.maximum(jnp.mean(touching, dtype=pressure.dtype), 1 / pressure.size)
-    return penalty_for(inputs.operator, loaded, inputs.law)
+    return inputs.operator.penalty_for(loaded, inputs.law.steepest_rise)
 
 
 def contact_state(inputs: Inputs, found: SolverOutput) -> State:
@@ -128,7 +128,7 @@ def assess(inputs: Inputs, found: SolverOutput) -> tuple[Array, Array, Array]:
     if attracts:
         # A claim of the change itself is the error: `error_of` has the same factor.
         known = jnp.where(jnp.all(jnp.isfinite(linear)), _SAFETY * relative + rounding, 0)
-        error = jnp.maximum(softness(inputs.law) * found.error, known)
+        error = jnp.maximum(inputs.law.softness * found.error, known)
         change = change * (error / (_SAFETY * nonzero(relative)))
     else:
         error = jnp.minimum(found.error, _SAFETY * relative + rounding)

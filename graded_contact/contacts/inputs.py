@@ -3,15 +3,14 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ScalarLike
+from jaxtyping import Array
 
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..fields.grid import half_shape
 from .law import AbstractLaw, HardWall, check_pressure, never_overlaps
-from .operators.operator import AbstractOperator, Field, first_mode
-from .operators.window import Window
+from .operators.operator import Field, first_mode
 from .solver.abstract_solver import Loading
 
 LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
@@ -68,22 +67,6 @@ def as_start(start: Numbers | None, heights: Array, law: AbstractLaw) -> Array |
         allowed = f"pressures [Pa] must be at least {float(low):g}"
         check_values("start", start, allowed, at_least=float(low) * (1 + 1e-5))
     return start
-
-
-def loading_on(
-    operator: AbstractOperator, law: AbstractLaw, heights: Field, **given: ScalarLike | None
-) -> Loading:
-    """Returns the loading in a periodic cell, or on a window.
-
-    `given` are `pressure`, `mean_gap` and `approach`.
-
-    **Raises:** `ValueError` unless one of the two that the operator allows is not None.
-    """
-    # Not by JAX: a loop would trace it.
-    known = given["approach"] is not None and is_concrete(operator.kernel)
-    ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
-    load = check_gap(isinstance(operator, Window), ground, **given)
-    return loading_of(law, heights, None, **load)
 
 
 def check_gap(

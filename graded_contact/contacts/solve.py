@@ -11,30 +11,22 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ScalarLike
 
-from ..core.checks import Numbers, as_float, as_numbers, check_tolerance, is_concrete
+from ..core.checks import Numbers, as_float, as_numbers, check_tolerance, in_precision, is_concrete
 from ..core.compilation import compiled, compiled_loop, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from .adjoint import attach_gradient
 from .estimates import assess, contact_state, penalty_at
-from .inputs import as_start, check_heights, check_kernel, loading_on
+from .inputs import as_start, check_gap, check_heights, check_kernel, loading_of
 from .law import AbstractLaw, HardWall, Windowed, depth_of_flow, never_overlaps
 from .operators.operator import nonzero
 from .operators.window import Window, operator_of, with_ground
 from .solution import RESULTS, ContactSolution, if_known
-from .solver.abstract_solver import (
-    AbstractContactSolver,
-    Inputs,
-    Loading,
-    SolverOutput,
-    in_precision,
-    participation,
-    penalty_for,
-    softness,
-)
+from .solver.abstract_solver import AbstractContactSolver, Inputs, SolverOutput, participation
 from .solver.nested_solve import DouglasRachford
 
 # Default tolerances of the pressure. docs/performance.md has the errors of friction they leave.
@@ -118,8 +110,11 @@ def solve_contact(
         "heights", "a contact", CONTACT, cell, heights.dtype.itemsize, num_devices(heights)
     )
     check_kernel(operator.kernel, heights.shape, on_window, throw)
-    given = {"pressure": pressure, "mean_gap": mean_gap, "approach": approach}
-    loading = loading_on(operator, law, heights, **given)
+    # Not by JAX: a loop would trace it.
+    known = approach is not None and is_concrete(operator.kernel)
+    ground = not known or bool(np.asarray(operator.kernel).flat[0] != 0)
+    load = check_gap(on_window, ground, pressure, mean_gap=mean_gap, approach=approach)
+    loading = loading_of(law, heights, None, **load)
     start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
     return contact_of(inputs, solver, rtol, derivative_rtol, start, solution, throw)
@@ -141,7 +136,7 @@ def _on_whole(inputs: Inputs, start: Array | None) -> tuple[Inputs, Array | None
     """
     operator, heights, law, loading = inputs
     if loading.gap is None:  # the mean over the cell, of which the window is a part
-        loading = Loading(loading.pressure / 2**heights.ndim, None)
+        loading = loading._replace(pressure=loading.pressure / 2**heights.ndim)
     else:
         operator = with_ground(operator, heights.shape)
     inputs = Inputs(operator, operator.on_cell(heights, "symmetric"), Windowed(law), loading)
@@ -227,12 +222,12 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
         closed = jnp.where(pressure > low, jnp.minimum(gap, 0), jnp.maximum(gap, 0))
         gap = jnp.where((pressure > low) & (pressure < high), 0, closed)
     else:  # the gap of the law's point nearest to pressure and gap
-        penalty = penalty_for(inputs.operator, participation(pressure), law)
+        penalty = inputs.operator.penalty_for(participation(pressure), law.steepest_rise)
         v = pressure - penalty * gap
         gap = (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
     return SolverOutput(
         pressure=pressure, gap=gap,
-        displacement=solution.displacement, error=solution.error / softness(law),
+        displacement=solution.displacement, error=solution.error / law.softness,
         ended=jnp.asarray(True), num_steps=jnp.asarray(0),
         num_fft_pairs=jnp.zeros((), pressure.dtype),
     )  # fmt: skip

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -78,6 +79,18 @@ def as_scalar(value: Any, name: str) -> Float[Array, ""]:
             f"`{name}` has shape {array.shape}; one number is needed. For many, use `jax.vmap`."
         )
     return array
+
+
+def in_precision(tree, dtype):
+    """Returns a tree with its numbers in a real dtype, complex ones in pairs of it."""
+
+    def convert(a):
+        if not eqx.is_inexact_array(a):
+            return a
+        kind = jnp.result_type(dtype, 1j) if jnp.iscomplexobj(a) else dtype
+        return a if a.dtype == kind else a.astype(kind)
+
+    return jax.tree.map(convert, tree)
 
 
 def numbers(name: str) -> Callable[[Any], Float[Array, "..."]]:

@@ -65,12 +65,6 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     return changed
 
 
-def places(tree: object, part: object) -> list[str]:
-    """Returns the paths of this very object in `tree`, such as "base.material"."""
-    found = jax.tree_util.tree_leaves_with_path(tree, is_leaf=lambda node: node is part)
-    return [_name(path) for path, node in found if node is part]
-
-
 def _name(path):
     """The path of a leaf as text."""
     return jax.tree_util.keystr(path).removeprefix(".")

@@ -18,7 +18,7 @@ import scipy
 from ..core.compilation import compiled
 from .observations import Observations, Unknowns
 from .series import SeriesProblem, problem_of
-from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, Isotherms, law_shifts, log_shifts
+from .shifts import LAW_LIMITS, LAW_TYPICAL, LN10, law_shifts, log_shifts
 from .terms import WALK, Length, best_of_length, choose, criterion, non_negative
 
 OVERLAPS = LN10 * np.arange(-1.0, 8.0, 0.05)  # trial distances of neighbours in ln a
@@ -27,16 +27,6 @@ UNPAIRED = 0.1  # log difference that a point without a partner on the other cur
 UNSEEN = 0.01  # weight of a step between curves without overlap in the law
 ROUNDS = 4  # of choosing the number of terms
 SETTLED = 0.7  # times the error before: the number of terms then shows
-
-
-def first_shifts(series: SeriesProblem, isotherms: Isotherms) -> list[np.ndarray]:
-    """Returns two sets of unknowns of the shifts."""
-    steps, paired = _by_overlap(series, isotherms)
-    fitted = _by_spectra(series, isotherms)
-    return [
-        _unknowns(isotherms, steps, np.where(paired, 1, UNSEEN)),
-        _unknowns(isotherms, fitted, np.ones(len(fitted))),
-    ]
 
 
 def _unknowns(isotherms, steps, weights):
@@ -60,8 +50,10 @@ def _nearest_law(isotherms, steps, weights):
 
 
 def _by_overlap(series, isotherms):
-    """Distances of neighbours in ln a at which their curves differ least, and whether they overlap
-    there. Of curves that nowhere fit, the ends meet."""
+    """Distances of neighbours in ln a at which their curves differ least, and their weights.
+
+    Of curves that nowhere fit, the ends meet.
+    """
     channels = list(zip(*map(series.by_channel, (series.log_values, series.weights)), strict=True))
     sign = 1 if series.kind == "frequency" else -1
     steps, paired = [], []
@@ -83,7 +75,7 @@ def _by_overlap(series, isotherms):
         best = np.argmin(cost)
         steps.append(OVERLAPS[best])
         paired.append(pairs[best] > 0)
-    return np.array(steps), np.array(paired)
+    return np.array(steps), np.where(paired, 1, UNSEEN)
 
 
 def _points_of(x, values, rows):
@@ -93,7 +85,7 @@ def _points_of(x, values, rows):
 
 
 def _by_spectra(series, isotherms):
-    """Distances of neighbours in ln a, by fitting a spectrum to both at trial distances."""
+    """Distances of neighbours in ln a by fits of a spectrum to both, and their weights."""
     count, steps = len(isotherms.temperatures), []
     for colder in range(count - 1):
         costs = []
@@ -107,7 +99,7 @@ def _by_spectra(series, isotherms):
             relative = model / np.exp(part.log_values) - 1
             costs.append(part.weights @ relative**2)
         steps.append(DISTANCES[np.argmin(costs)])
-    return np.array(steps)
+    return np.array(steps), np.ones(len(steps))
 
 
 # Shifts and series ------------------------------------------------------------------------------
@@ -121,7 +113,9 @@ def shifts_and_series(
     if data.isotherms is None:
         theta, path = choose(series, terms)
         return theta, series, path
-    ends = [_end(data, start) for start in first_shifts(series, data.isotherms)]
+    isotherms = data.isotherms
+    first = (_unknowns(isotherms, *way(series, isotherms)) for way in (_by_overlap, _by_spectra))
+    ends = [_end(data, start) for start in first]
     _, unknowns = min(ends, key=lambda end: end[0])
     for _ in range(ROUNDS):
         series = _expecting(data, series.noise(unknowns))

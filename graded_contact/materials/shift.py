@@ -63,9 +63,9 @@ class AbstractShift(eqx.Module):
     def rebased(self, temperature: ScalarLike) -> "AbstractShift":
         """Returns this law written about another reference temperature [K]."""
 
-    @abc.abstractmethod
     def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
-        """Returns ln b_T [1], of moduli at `temperature` [K] over those at the reference."""
+        """Returns ln b_T [1], of moduli at `temperature` [K] over those at the reference: 0."""
+        return jnp.asarray(0.0)  # of no precision of its own
 
     def factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         """Returns a_T [1] at `temperature` [K]; infinite where it exceeds the dtype."""
@@ -88,9 +88,6 @@ class WLF(AbstractShift):
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         return _wlf(self.c1, self.c2, self.reference, self._checked(temperature))
-
-    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
-        return jnp.zeros_like(self.reference)
 
     def rebased(self, temperature: ScalarLike) -> "WLF":
         temperature = self._checked(temperature)
@@ -133,9 +130,6 @@ class Arrhenius(AbstractShift):
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_temperature(temperature)
         return self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
-
-    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
-        return jnp.zeros_like(self.reference)
 
     def rebased(self, temperature: ScalarLike) -> "Arrhenius":
         return Arrhenius(self.activation_energy, as_temperature(temperature))
@@ -225,7 +219,7 @@ class TabulatedShift(AbstractShift):
 
     def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
         if self.vertical_factors is None:
-            return jnp.zeros_like(self.reference)
+            return super().log_vertical(temperature)
         return self._change(jnp.log(self.vertical_factors), temperature)
 
     def rebased(self, temperature: ScalarLike) -> "TabulatedShift":

@@ -174,14 +174,15 @@ def mean_field_friction(
         temperature = as_temperature(temperature)
     if strain_per_slope is not None:
         strain_per_slope = as_strain_per_slope(strain_per_slope, (stack, counterface))
-    load, acting = as_scalar(pressure, "pressure"), (shear, temperature, heating)
+    load = as_scalar(pressure, "pressure")
     field = FieldInputs(
         stack, spectrum, own_roughness, load, as_velocity(velocity), strain_per_slope, counterface
     )
-    field = _checked(field, acting)
+    field = _checked(field, shear, temperature, heating)
     for factor in (1, 2, 4, 8):
         rules = _quadrature_rules(field, correction, factor * num_wavenumbers, factor * num_angles)
-        solution = _field(field, rules, acting)
+        found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
+        solution = _assembled(found, field.pressure, heated)
         # Inside `jit` the error is not known. An infinite one is not of the quadrature.
         error = np.asarray(solution.error) if is_concrete(solution.error) else np.inf
         if not np.any((error > rtol) & (error < np.inf)):
@@ -210,9 +211,8 @@ def mean_field_of(case: Case, spectrum: Spectrum, **options: Any) -> MeanField:
     return mean_field_friction(case.stack, spectrum, **given)
 
 
-def _checked(field: FieldInputs, acting) -> FieldInputs:
-    """The inputs of a mean field, checked; `acting` are shear, temperature and heat."""
-    shear, temperature, heating = acting
+def _checked(field: FieldInputs, shear, temperature, heating) -> FieldInputs:
+    """The inputs of a mean field, checked; with `heating` at the bulk temperature."""
     stack, pressure = field.stack, field.pressure
     if field.counterface is not None:
         with within("`counterface`:"):
@@ -237,13 +237,6 @@ def _checked(field: FieldInputs, acting) -> FieldInputs:
             )
         stack = stack.at(temperature)
     return dataclasses.replace(field, stack=stack, pressure=load)
-
-
-def _field(field: FieldInputs, rules: Rules, acting) -> MeanField:
-    """The mean field by a quadrature."""
-    shear, temperature, heating = acting
-    found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
-    return _assembled(found, field.pressure, heated)
 
 
 @compiled

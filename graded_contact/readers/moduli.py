@@ -97,10 +97,10 @@ def read_moduli(
         for each in paths
         for one in layouts
     ]
-    parts = [
-        _measured(_understood(table, deformation, kelvin), ratio, kelvin)
-        for table, kelvin in zip(tables, _kelvins(temperature, len(tables)), strict=True)
-    ]
+    how: Any = {"also": ["temperature"], "deformation": deformation}
+    found = [understood(table, QUANTITIES, list(_WAYS), **how) for table in tables]
+    kelvins = _kelvins(temperature, len(tables))
+    parts = [_measured(one, ratio, kelvin) for one, kelvin in zip(found, kelvins, strict=True)]
     return parts[0] if len(parts) == 1 else joined(parts)
 
 
@@ -150,14 +150,6 @@ def _kelvins(temperature: Numbers | None, count: int) -> list[float | None]:
     return np.broadcast_to(kelvins, count).tolist()
 
 
-def _understood(table: DataTable, deformation: str | None, kelvin: float | None) -> Understood:
-    also = ["temperature"]
-    found = understood(table, QUANTITIES, list(_WAYS), also=also, deformation=deformation)
-    if kelvin is not None and "temperature" in found.numbers:
-        raise table.not_plain(["it has a column of temperature: leave out `temperature`"])
-    return found
-
-
 def _measured(found: Understood, poisson: float | None, kelvin: float | None) -> Measured:
     """The moduli of a table; lines without positive numbers are left out."""
     table, way = found.table, found.way
@@ -179,6 +171,8 @@ def _measured(found: Understood, poisson: float | None, kelvin: float | None) ->
         deformation = "tension"
     temperature = numbers.get("temperature")
     if kelvin is not None:
+        if temperature is not None:
+            raise table.not_plain(["it has a column of temperature: leave out `temperature`"])
         temperature = np.full(len(values), kelvin)
     isotherm = np.zeros(len(values), int) if temperature is None else grouped(temperature)
     order = np.lexsort((abscissa, isotherm))

@@ -5,7 +5,7 @@ from .interior.stress import ContactStress, contact_stress
 from .motion.motion import Motion
 from .motion.periodic import recorded, sinusoidal, start_stop
 from .motion.transient import dwell, ramp, start
-from .numbers.cumulative import cumulative_friction
+from .numbers.friction import cumulative_friction
 from .numbers.gap_flow import Fluid, GapFlow, gap_flow
 from .result import CyclicSliding, Sliding, TransientSliding
 from .shear import AbstractShear, ConstantShear, Coulomb, PeakedShear

@@ -97,7 +97,8 @@ def sweep(
         if not left:
             return _dataset(axes, like, found, last)
         if client is None and workers is None:
-            engine: Any = here(program, left)
+            solve = solver(program)
+            engine: Any = ((i, solve(point)) for i, point in left.items())
         else:
             engine = on_workers(workers, client, function, left)
         with (
@@ -220,13 +221,6 @@ def solver(program: Program) -> Callable[[Numbers], Point]:
         return values | {"message": np.asarray(message)}
 
     return solve
-
-
-def here(program: Program, points: Mapping[int, Numbers]) -> Iterator[tuple[int, Point]]:
-    """Yields the results of points, solved in this process."""
-    solve = solver(program)
-    for i, point in points.items():
-        yield i, solve(point)
 
 
 def on_workers(

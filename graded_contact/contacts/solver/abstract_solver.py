@@ -16,13 +16,7 @@ from jaxtyping import Array, Bool, Float
 from ...core.anderson import sums
 from ...core.compilation import varying
 from ..law import AbstractLaw
-from ..operators.operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
-
-# The true error over a solver's estimate under an attraction, whose equilibria are soft: below 4 in
-# 187 random scenes.
-_SOFT = 4.0
-# Largest -ρ Re M of a wave: 36 of 36 windows converged at 0.05, 23 without a limit.
-_NEGATIVE = 0.05
+from ..operators.operator import AbstractOperator, Field, Scalar
 
 
 class Loading(NamedTuple):
@@ -53,8 +47,8 @@ class SolverOutput(eqx.Module):
     - `gap`: at which the law has this pressure [m].
     - `displacement`: of the solid under its pressure, up to a mean [m].
     - `error`: estimated relative error of the pressure (root mean square) [1]. Under a law that
-      attracts the result claims at least `softness` times as much. All other errors are estimated
-      afterwards (`estimates.py`).
+      attracts the result claims at least `law.softness` times as much. All other errors are
+      estimated afterwards (`estimates.py`).
     - `ended`: whether the solver stopped by itself: at `rtol`, or where rounding hides the rest.
     - `num_steps`: on the finest grid.
     - `num_fft_pairs`: of all grids, coarse ones counted by their size.
@@ -123,41 +117,6 @@ def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
     return jax.lax.while_loop(running, lambda state: steps.step(state), varying(steps.init(start)))
 
 
-def penalty_for(operator: AbstractOperator, participation: Scalar, law: AbstractLaw) -> Scalar:
-    """Returns ρ = 1.8 s^0.4/√(|M| of the long waves × least |M|) [Pa/m].
-
-    It balances the softest modes, which carry the displacement, against the stiffest, which carry
-    the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power are within
-    10 % of the fewest FFT pairs of viscoelastic contacts. For a law that attracts, at
-    least twice its steepest rise, so that its proximal map is single-valued. Where Re M is negative
-    for some waves, at most `_NEGATIVE` over the largest of them: out of contact a step magnifies
-    their errors by (1 - ρM)/(1 + ρM) less the relaxation.
-    """
-    long, least = operator.long_wave, operator.least
-    # Not the root of the product, which underflows in float32.
-    penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least)
-    negative = jnp.max(jnp.where(operator.is_mean, 0, -jnp.real(operator.kernel)))
-    most = jnp.where(negative > 0, _NEGATIVE / jnp.where(negative > 0, negative, 1), jnp.inf)
-    penalty = jnp.minimum(penalty, most)
-    # The penalty decides the path to the solution, not the solution.
-    return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
-
-
-def softness(law: AbstractLaw) -> float:
-    """Returns by how much a solver's estimate of its error may be too small."""
-    return _SOFT if law.attracts else 1.0
-
-
-def pressure_unit(operator: AbstractOperator, heights: Field, loading: Loading) -> Scalar:
-    """Returns a typical pressure: the prescribed one plus that which flattens the longest waves.
-
-    `heights` are of zero mean.
-    """
-    pressure, gap = (0 if a is None else jnp.max(jnp.abs(a)) for a in loading)
-    unit = (root_mean_square(heights) + gap) / operator.long_wave + pressure
-    return jnp.where(unit > 0, unit, 1)
-
-
 def participation(pressure: Field) -> Scalar:
     """Returns ⟨|σ|⟩²/⟨σ²⟩, a measure of the loaded area fraction [1], at least one point's."""
     total, squared = sums(jnp.abs(pressure), pressure**2)
@@ -169,32 +128,6 @@ def participation_of(total, squared, count: int):
     return jnp.maximum(total**2 / jnp.where(squared > 0, squared, 1), 1) / count
 
 
-def to_mean(operator: AbstractOperator, pressure, mean, bounds):
-    """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor.
-
-    Points without a pressure get none.
-    """
-    low, high = bounds
-    room = (pressure - low) * (1 - (pressure - low) / (high - low)) * (pressure != 0)
-    total, free = operator.mean(pressure), operator.mean(room)
-    # If all points are at a bound, those above the lower bound exceed theirs, or all points do.
-    above = jnp.where(total > low, pressure - low, 1)
-    room = jnp.where(free > 0, room, above)
-    return pressure + room * ((mean - total) / nonzero(operator.mean(room)))
-
-
 def slope(proximal: Callable, v: Field) -> Field:
     """Returns dy/dv of a law's proximal map: 1 where it fixes the gap, 0 where the pressure."""
     return jax.jvp(proximal, (v,), (jnp.ones_like(v),))[1]
-
-
-def in_precision(tree, dtype):
-    """Returns a tree with its numbers in a real dtype, complex ones in pairs of it."""
-
-    def convert(a):
-        if not eqx.is_inexact_array(a):
-            return a
-        kind = jnp.result_type(dtype, 1j) if jnp.iscomplexobj(a) else dtype
-        return a if a.dtype == kind else a.astype(kind)
-
-    return jax.tree.map(convert, tree)

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ..law import AbstractLaw
 from ..operators.operator import AbstractOperator, Field, Scalar, Solid, nonzero
-from .abstract_solver import Loading, to_mean
+from .abstract_solver import Loading
 from .splitting import Splitting
 
 _NEARLY = 0.98  # share of points that touch, from which full contact is tried
@@ -50,7 +50,7 @@ class OneGrid(NamedTuple):
         # A load that is missing is spread evenly: a small contact scaled up would be far off.
         mean = loading.pressure / unit
         guess = guess + jnp.maximum(mean - operator.mean(guess), 0)
-        return to_mean(operator, jnp.clip(guess, low, high), mean, (low, high))
+        return operator.to_mean(jnp.clip(guess, low, high), mean, (low, high))
 
 
 class GridProblem(eqx.Module):
@@ -103,7 +103,7 @@ class GridProblem(eqx.Module):
         """A pressure of the law with the load that is prescribed, if any."""
         if self.free_mean:
             return pressure
-        return to_mean(self.grid.operator, pressure, self.mean, self.law.bounds)
+        return self.grid.operator.to_mean(pressure, self.mean, self.law.bounds)
 
     def flattening(self, gap: Field | float = 0.0) -> Field:
         """Returns the pressure of zero mean that closes all gaps, or leaves these."""

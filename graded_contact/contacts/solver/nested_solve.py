@@ -22,16 +22,7 @@ from ...core.checks import check_type, check_whole, is_concrete
 from ...core.compilation import compiled, compiled_loop, varying
 from ...fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from ..law import AbstractLaw, HardWall
-from .abstract_solver import (
-    AbstractContactSolver,
-    Loading,
-    SolverOutput,
-    participation,
-    penalty_for,
-    pressure_unit,
-    run_steps,
-    softness,
-)
+from .abstract_solver import AbstractContactSolver, Loading, SolverOutput, participation, run_steps
 from .active_set import most_eliminated
 from .grid_problem import GridProblem, GridSettings, OneGrid, SolveState
 from .semismooth_newton import newton_round, takes_newton_steps
@@ -85,7 +76,7 @@ class DouglasRachford(AbstractContactSolver):
             while (points := min(shapes[0])) >= 2 * self.coarsest:
                 factor = min(_COARSENING, points // self.coarsest)
                 shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
-        rtol = rtol / softness(law) if law.attracts else rtol
+        rtol = rtol / law.softness if law.attracts else rtol
         coarse = _coarser(operator, heights, loading, shapes[:-1]) if shapes[:-1] else []
         before = start
         for grid in [*coarse, OneGrid(operator, heights, loading)]:
@@ -140,7 +131,7 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     stops where Newton steps are needed, otherwise at its end.
     """
     operator, rough, loading = grid
-    share, unit = settings.share, pressure_unit(operator, rough - jnp.mean(rough), loading)
+    share, unit = settings.share, operator.pressure_unit(rough - jnp.mean(rough), *loading)
     own = 0.5 * share if share < 1 else 0.0  # of the grid's heights
     guess, touching, pairs = None, 0.0, 0.5 + own if share < 1 else own
     if before is not None:
@@ -152,7 +143,8 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
         guess = grid.guess(law, unit, interpolate(before, rough.shape))
         pairs = pairs + share
     cold = jnp.asarray(_COLD_PARTICIPATION, rough.dtype)
-    penalty = penalty_for(operator, cold if guess is None else participation(guess), law)
+    loaded = cold if guess is None else participation(guess)
+    penalty = operator.penalty_for(loaded, law.steepest_rise)
     length = unit / penalty
     free_mean = loading.pressure is None
     mean = jnp.asarray(loading.gap if free_mean else loading.pressure)
@@ -201,7 +193,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
         """The same pressures and gaps with the penalty for the current area in contact."""
         _, y, gap = problem.meet(state)
         solid, law = problem.solid_at(state.factor).scaled, problem.law_at(state.factor)
-        change = penalty_for(solid, participation(y), law)
+        change = solid.penalty_for(participation(y), law.steepest_rise)
         factor = state.factor * change
         z, shift, pairs = y + change * gap, problem.shift(factor), state.pairs + share
         state = state._replace(z=z, shift=shift, factor=factor, pairs=pairs)

@@ -33,14 +33,7 @@ from jax import Array
 from ...core.checks import check_whole, short
 from ..law import SmoothLaw
 from ..operators.operator import Field, Scalar, root_mean_square
-from .abstract_solver import (
-    AbstractContactSolver,
-    Inputs,
-    SolverOutput,
-    pressure_unit,
-    run_steps,
-    to_mean,
-)
+from .abstract_solver import AbstractContactSolver, Inputs, SolverOutput, run_steps
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
 _LOAD_RATE = 0.5  # share of the load's error that the residuals work against
@@ -70,7 +63,7 @@ class ResidualDynamics(AbstractContactSolver):
                 "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
         heights = heights - jnp.mean(heights)
-        unit = pressure_unit(operator, heights, loading)
+        unit = operator.pressure_unit(heights, *loading)
         length = unit * jnp.max(jnp.abs(operator.compliance))  # so that |M|max = 1
         scaled: Any = law.in_units(unit, length)
         given = zip(loading, (unit, length), strict=True)
@@ -82,7 +75,7 @@ class ResidualDynamics(AbstractContactSolver):
         pressure = scaled.pressure_at(gap)
         residual, _ = _residual(problem, gap, pressure, _stiffness(scaled, gap))
         if loading.pressure is not None:
-            pressure = to_mean(operator, pressure, loading.pressure, scaled.bounds)
+            pressure = operator.to_mean(pressure, loading.pressure, scaled.bounds)
         return SolverOutput(
             pressure=pressure * unit, gap=gap * length,
             displacement=(residual + gap + problem.heights) * length,

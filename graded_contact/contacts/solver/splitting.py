@@ -30,9 +30,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ...core.anderson import STEPS_OF_CYCLE, Iterates, accelerate, sums
+from ...core.checks import in_precision
 from ...fields.grid import Waves, multiplicity
 from ..operators.operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
-from .abstract_solver import in_precision, participation_of, run_steps, slope
+from .abstract_solver import participation_of, run_steps, slope
 
 # Earlier iterates that the acceleration combines, each of two fields. At a given mean gap few: near
 # full contact the load drifts, and with 5 some loads diverged above an area of 0.99.

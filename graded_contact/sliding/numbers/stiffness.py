@@ -23,7 +23,6 @@ from jaxtyping import Array, Float
 from ...contacts.adjoint import opening_by_load
 from ...contacts.area import contact_shares, edge_stiffness
 from ...contacts.operators.operator import Steady, first_mode
-from ...contacts.solver.abstract_solver import penalty_for
 from ...core.compilation import compiled
 from ...fields.grid import wavenumber
 from ..case import CONDUCTANCE, STIFFNESS, WINDOW
@@ -104,7 +103,7 @@ def _stiffness(sliding: Found, softness: float = 1.0, kernel=None):
     operator = sliding.operator if kernel is None else Steady(kernel)
     indicator, edges = indicator_of(sliding), edges_of(sliding)
     share = contact_shares(indicator, edges, _cut)
-    penalty = penalty_for(operator, jnp.mean(share), sliding.law)
+    penalty = operator.penalty_for(jnp.mean(share), sliding.law.steepest_rise)
     stiffness = edge_stiffness(operator.kernel[None], sliding.grid)[1]
     yielding = softness * _YIELDING[share.ndim] / stiffness
     soft = penalty * yielding * (1 - share)
