@@ -98,13 +98,6 @@ def half_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
     return (*shape[:-1], shape[-1] // 2 + 1)
 
 
-def coordinates(grid: Grid) -> tuple[Float[Array, "..."], ...]:
-    """Returns the coordinates x (and y) of the points [m], broadcastable to `grid.shape`."""
-    pairs = zip(grid.shape, grid.spacing, strict=True)
-    axes = [jnp.arange(n, dtype=grid.size.dtype) * step for n, step in pairs]
-    return tuple(jnp.meshgrid(*axes, indexing="ij", sparse=True))
-
-
 def mode_numbers(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     """Returns the integers k of q = 2π k/L on the half spectrum, broadcastable; Nyquist is +n/2."""
     # 0, 1, ..., n//2 and then the negative ones.
