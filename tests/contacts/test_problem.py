@@ -1,3 +1,5 @@
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -94,25 +96,28 @@ def sheet(closed):
     """Kernel, heights and load of a free bilayer thin beside the cell, near full contact."""
     layers = gc.Layer(gc.Elastic(1.0, 0.49), 3e-3), gc.Layer(gc.Elastic(30.0, 0.3), 3e-3)
     kernel = np.array(gc.stack_kernel(gc.Stack(layers=layers, base=gc.Free()), LINE)) + 0j
-    return kernel, HEIGHTS, -closed * full_pressure(kernel).min()
+    return kernel, coated()[1], -closed * full_pressure(kernel).min()
 
 
 def full_pressure(kernel):
     """What flattens the heights where everything touches: a division mode by mode."""
     stiffness = np.append(0, 1 / kernel[1:])
-    return np.fft.irfft(np.fft.rfft(HEIGHTS) * stiffness, 64)
+    return np.fft.irfft(np.fft.rfft(coated()[1]) * stiffness, 64)
 
 
-Q0 = 2 * np.pi
-SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=8 * Q0)
-HEIGHTS = np.asarray(gc.random_surface(SPECTRUM, LINE, jax.random.key(0)).heights)
-COATED = np.array(gc.stack_kernel(BODIES["coated"], LINE, SPEED))
+@functools.cache
+def coated():
+    """Kernel and heights on the line."""
+    q = 2 * np.pi
+    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=q, q_roll=4 * q, q_high=8 * q)
+    heights = gc.random_surface(spectrum, LINE, jax.random.key(0)).heights
+    return np.array(gc.stack_kernel(BODIES["coated"], LINE, SPEED)), np.asarray(heights)
 
 
 @pytest.mark.parametrize("closed", [None, 0.3, 0.5, 0.9])
 def test_gaps_match_a_dense_complementarity_solve_within_their_stated_error(closed):
     """A sheet's contrast is 1e6: M σ of a pressure good to 1e-3 would be off by many heights."""
-    kernel, heights, load = (COATED, HEIGHTS, 0.1) if closed is None else sheet(closed)
+    kernel, heights, load = (*coated(), 0.1) if closed is None else sheet(closed)
     pressure = dense_contact(kernel, heights, load)
     gap = dense_operator(kernel, LINE.shape) @ pressure - (heights - heights.mean())
     gap = gap - np.sum(gap * pressure) / np.sum(pressure)
@@ -133,16 +138,16 @@ def test_solve_whose_gaps_are_worth_nothing_says_so():
 
 
 def test_nesting_does_not_change_the_solution_and_counts_the_transforms_of_all_grids():
-    nested = solve(COATED, HEIGHTS, 0.05, rtol=1e-9, solver=NESTED)
-    expected = dense_contact(COATED, HEIGHTS, 0.05)
+    nested = solve(*coated(), 0.05, rtol=1e-9, solver=NESTED)
+    expected = dense_contact(*coated(), 0.05)
     np.testing.assert_allclose(nested.pressure, expected, atol=1e-7 * np.max(expected))
     assert nested.num_fft_pairs > nested.num_steps + 4
 
 
 def test_full_contact_is_found_at_once():
-    exact = full_pressure(COATED)
+    exact = full_pressure(coated()[0])
     exact = exact - 1.1 * exact.min()
-    found = solve(COATED, HEIGHTS, float(np.mean(exact)), rtol=5e-5, solver=NESTED)
+    found = solve(*coated(), float(np.mean(exact)), rtol=5e-5, solver=NESTED)
     np.testing.assert_allclose(found.pressure, exact, atol=1e-12 * exact.max())
     assert found.num_fft_pairs <= 12
 
@@ -162,11 +167,11 @@ def test_the_more_precise_field_decides_and_an_error_hidden_by_rounding_is_repor
 
 def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
     """The mean gap at first order in ε; pressure nearly so."""
-    rms, ranges, rows = float(np.std(HEIGHTS)), np.array([0.1, 0.01, 0.001]), []
-    hard = solve(COATED, HEIGHTS, 0.05, rtol=1e-9, solver=NESTED)
+    rms, ranges, rows = float(np.std(coated()[1])), np.array([0.1, 0.01, 0.001]), []
+    hard = solve(*coated(), 0.05, rtol=1e-9, solver=NESTED)
     for share in ranges:
         law = gc.RepulsiveLJ(share * rms, 0.05)
-        s = gc.solve_contact(COATED, HEIGHTS, 0.05, law=law, rtol=1e-9)
+        s = gc.solve_contact(*coated(), 0.05, law=law, rtol=1e-9)
         off = np.linalg.norm(s.pressure - hard.pressure) / np.linalg.norm(hard.pressure)
         rows.append([(s.mean_gap - hard.mean_gap) / rms, off])
     of_gap, of_pressure = np.array(rows).T

@@ -31,7 +31,6 @@ HALF_SPACE = gc.Stack(base=gc.HalfSpace(RUBBER))
 COATED = gc.Stack(layers=(gc.Layer(COAT, 2e-4),), base=gc.HalfSpace(RUBBER))
 RUBBER_HEAT = Heating(0.25, 1.1e-7)
 LOAD, VELOCITY = 4e5, np.array([0.3, 0.4])
-EDGES_OF_CELL = jax.jit(intervals, static_argnums=2)(*np.array([CELL / 300, 3 * CELL]), 18)
 wavenumber_of_heat = jax.jit(thermal_wavenumber)
 
 
@@ -62,7 +61,8 @@ def test_heat_over_the_depth_is_the_work_of_friction():
 
     The count of points is odd: the heat has the highest wave of an even one, the work has not.
     """
-    depths, weights = gauss_within(SOFTENED, EDGES_OF_CELL)
+    edges = jax.jit(intervals, static_argnums=2)(*np.array([CELL / 300, 3 * CELL]), 18)
+    depths, weights = gauss_within(SOFTENED, edges)
     for s in (slid(SOFTENED, 0.3), slid(SOFTENED, 0.0)):
         source = heat_source(s, depths, weights > 0)
         assert np.min(source) >= 0

@@ -97,7 +97,7 @@ def test_a_cycle_of_steady_sliding_has_its_temperatures():
 def test_the_claimed_error_covers_that_of_the_temperatures(monkeypatch):
     """Against four times the slices and a tight tolerance."""
     rng, cases = np.random.default_rng(1), []
-    for i in range(3):
+    for i in range(2):
         block = rubber(10 ** rng.uniform(6, 7.5, 2), 10 ** rng.uniform(-6, -2, 2))
         how = dict(
             pressure=10 ** rng.uniform(3.5, 5.5), velocity=10 ** rng.uniform(-1.5, 1),
