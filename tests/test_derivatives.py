@@ -76,11 +76,13 @@ def modulus(material, temperature, omega):
 
 STEPS = 1e-3 * np.arange(1, 6)
 STEADY = (BLOCK, HEIGHTS, 2e4, 0.1)
+# Stiff and with little traction: each number of the block has its share of the derivative.
+STIFF = gc.Stack(base=gc.HalfSpace(gc.Prony(2e7, [9e7], [1e-3], 0.3)))
 CASES = {
     "modulus": (modulus, (RUBBER, 310.0, 50.0)),
     "compliance of layers": (compliance, (BLOCK, 2e4, 30.0)),
     "without a period": (lambda *given: slide(*given, periodic=False), (BARE, *STEADY[1:])),
-    "of two bodies under Coulomb's law": (two_bodies, (*STEADY, BARE, 0.3)),
+    "of two bodies under Coulomb's law": (two_bodies, (*STEADY, STIFF, 0.02)),
     "of a cycle": (cycle, (BARE, HEIGHTS, 2e4, 1e4)),
     "with the heat of friction": (heated, (BARE, HEIGHTS, 2e4, 300.0, 0.2)),
     "friction of a transient": (transient, (BARE, HEIGHTS, 2e4, STEPS, 1e-2 * STEPS)),

@@ -10,7 +10,7 @@ from oracles import dense_contact
 import graded_contact as gc
 
 NU, REDUCED = published.POISSON, published.REDUCED
-ONE_COAT = [([(ratio, NU, 0.5)] * 2, 10.0) for ratio in (0.25, 4.0)]  # in two layers, as below
+ONE_COAT = [([(ratio, NU, 0.5)] * 2, 10.0) for ratio in (0.25, 1.0, 4.0)]  # two layers, as below
 TWO_LAYERS = [([(e, NU, 0.5) for e in moduli], 200.0) for moduli in ((0.25, 0.5), (4.0, 2.0))]
 
 
@@ -46,6 +46,17 @@ def check_errors(found, exact, most):
 def test_spheres_on_coats_are_those_of_the_integral(layers, curvature):
     found = published.layers_under_hertz(layers, curvature, 60)
     check_errors(found, integral(layers, curvature), (5e-4, 1e-2))
+
+
+def test_moment_is_that_of_a_shifted_sphere():
+    """Tilted by t a sphere of radius 1 has its highest point at x = t."""
+    tilt, ball, x = 0.1, published.ball(60, 1.0, 1.0), (np.arange(60) - 30) / 60
+    tilted = gc.Surface(ball.heights + tilt * x[:, None], ball.grid, periodic=False)
+    layers = (gc.Layer(published.elastic(1.0, NU), 0.5),) * 2
+    stack = gc.Stack(layers=layers, base=gc.HalfSpace(published.elastic(1.0, NU)))
+    pressure = np.asarray(published.press(stack, tilted, load=0.02).pressure)
+    np.testing.assert_allclose(np.mean(x[:, None] * pressure), 0.02 * tilt, rtol=2e-3)
+    np.testing.assert_allclose(np.mean(x * pressure), 0, atol=1e-9)
 
 
 def test_the_integral_on_two_layers_is_that_of_yu_wang_and_wang():
