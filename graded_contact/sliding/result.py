@@ -20,7 +20,7 @@ from .numbers import contact as of_contact
 from .numbers import cycle, gap_flow, stiffness, warnings
 from .numbers import friction as of_friction
 from .problem import CycleProblem, Problem, SteadyProblem
-from .transient import errors as of_steps
+from .transient import numbers as of_steps
 from .transient_problem import TransientProblem
 
 
