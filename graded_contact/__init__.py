@@ -12,18 +12,6 @@ The names below are those that a script starts with. All others are in the rooms
 import importlib
 from typing import TYPE_CHECKING
 
-from . import (
-    blocks,
-    contacts,
-    core,
-    fields,
-    kernels,
-    materials,
-    mean_field,
-    response,
-    sliding,
-    surfaces,
-)
 from .blocks import Blend, Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, shapes
 from .contacts import AdhesiveLJ, HardWall, RepulsiveLJ, solve_contact
 from .core import jit, with_values

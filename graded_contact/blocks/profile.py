@@ -21,13 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..core.checks import check_type, is_concrete
+from ..core.checks import check_type, instance, is_concrete
 from ..core.display import shown
 from ..materials.material import AbstractMaterial, material_called
-from .shapes import FROM_0_TO_1, AbstractShape, Linear, as_shape
+from .shapes import FROM_0_TO_1, AbstractShape, Linear
 from .stack import moduli_of
 
 SAMPLES = 64  # intervals of height in which a profile is looked at
+_as_shape = instance("shape", AbstractShape, "a shape, such as `Linear()` or `PowerLaw(2.0)`")
 
 
 @shown(units=False)
@@ -68,7 +69,7 @@ class Blend(AbstractProfile):
 
     bottom: AbstractMaterial = eqx.field(converter=material_called("bottom"))
     top: AbstractMaterial = eqx.field(converter=material_called("top"))
-    shape: AbstractShape = eqx.field(converter=as_shape, default=Linear())
+    shape: AbstractShape = eqx.field(converter=_as_shape, default=Linear())
     mixing: Literal["linear", "logarithmic"] = eqx.field(static=True, default="linear")
 
     def __check_init__(self):

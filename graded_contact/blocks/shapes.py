@@ -13,16 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import (
-    as_float,
-    check_rows,
-    check_values,
-    instance,
-    is_concrete,
-    numbers,
-    positive,
-    scalar,
-)
+from ..core.checks import as_float, check_rows, check_values, is_concrete, numbers, positive, scalar
 from ..core.display import shown
 from ..core.spline import monotone_cubic
 
@@ -34,9 +25,6 @@ class AbstractShape(eqx.Module):
     @abc.abstractmethod
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         """Returns φ(s)."""
-
-
-as_shape = instance("shape", AbstractShape, "a shape, such as `Linear()` or `PowerLaw(2.0)`")
 
 
 class Linear(AbstractShape):

@@ -75,7 +75,7 @@ def derivative_apart(function: F) -> F:
         moving, fixed = eqx.partition(args, given)
         if alone(args):
             ways = partial(along, moving, fixed), partial(back, moving, fixed)
-            return found, _linear(*ways, changes, eqx.filter(found, eqx.is_inexact_array))
+            return found, linear(*ways, changes, eqx.filter(found, eqx.is_inexact_array))
         # Else a derivative in reverse would store what it needs.
         within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)
         return found, within(moving, changes)
@@ -88,7 +88,7 @@ def derivative_apart(function: F) -> F:
     return cast(F, run)
 
 
-def _linear(along: Callable, back: Callable, changes: Any, like: T) -> T:
+def linear(along: Callable, back: Callable, changes: Any, like: T) -> T:
     """Returns along(changes), with the tree and the shapes of `like`; `back` is the transpose."""
     (leaves, inner), (returned, outer) = jax.tree.flatten(changes), jax.tree.flatten(like)
     shapes = tuple(map(jax.typeof, leaves)), tuple(map(jax.typeof, returned))

@@ -11,13 +11,15 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+import scipy
 from jax.core import eval_context
 from jaxtyping import Array, Float
 
 from .anderson import Iterates, accelerate
 from .checks import is_concrete
 from .compilation import alone, compiled, varying
-from .derivative import still
+from .derivative import linear, still
 
 _MEMORY = 4
 _LINEAR_RTOL, _RESTART = 1e-6, 16  # of GMRES
@@ -198,27 +200,41 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
         x, given = attached(*primals), primals[1]
         units = jnp.eye(len(x), dtype=x.dtype)
         if alone(primals):
-            # One derivative in reverse of each unknown serves both matrices.
             moves = jax.tree.map(lambda t: t is not None, tangents[1], is_leaf=lambda t: t is None)
             moving, fixed = eqx.partition(given, moves)
             image = lambda moving, x: function(eqx.combine(moving, fixed), x)  # noqa: E731
             with eval_context():  # else JAX traces the constants of the function
                 back = jax.vjp(image, moving, x)[1]
-                rows, matrix = zip(*map(back, units), strict=True)
-            changes = jax.tree.leaves(tangents[1])
-            moved = jnp.stack([_product(jax.tree.leaves(row), changes) for row in rows])
-            matrix = jnp.stack(matrix)
-        else:  # `map` compiles it once
-            moved = eqx.filter_jvp(lambda given: function(given, x), (given,), tangents[1:])[1]
-            image = partial(function, given)
-            matrix = jax.lax.map(lambda unit: jax.jvp(image, (x,), (unit,))[1], units).T
+            ways = partial(_along, back, units), partial(_back, back, units)
+            return x, linear(*ways, tangents[1], x)
+        # `map` compiles it once.
+        moved = eqx.filter_jvp(lambda given: function(given, x), (given,), tangents[1:])[1]
+        image = partial(function, given)
+        matrix = jax.lax.map(lambda unit: jax.jvp(image, (x,), (unit,))[1], units).T
         return x, jnp.linalg.solve(units - matrix, moved)
 
     return attached(x, given)
 
 
-def _product(row, changes):
-    return sum(jnp.sum(a * b) for a, b in zip(row, changes, strict=True))
+def _along(back: Callable, units: Array, changes: Any) -> Array:
+    """The change of a fixed point: derivatives of all unknowns serve both matrices."""
+    rows, matrix = zip(*map(back, units), strict=True)
+    leaves = jax.tree.leaves(changes)
+    moved = [sum(map(jnp.vdot, jax.tree.leaves(row), leaves)) for row in rows]
+    return jnp.linalg.solve(units - jnp.stack(matrix), jnp.stack(moved))
+
+
+def _back(back: Callable, units: Array, pull: Array) -> Any:
+    """Its transpose: outside `jit` by GMRES, which needs the derivative of few combinations."""
+    if is_concrete(pull):
+        operate = lambda v: v - np.asarray(back(jnp.asarray(v, pull.dtype))[1])  # noqa: E731
+        operator = scipy.sparse.linalg.LinearOperator(units.shape, operate, dtype=pull.dtype)
+        how: dict[str, Any] = {"rtol": _LINEAR_RTOL, "restart": len(pull), "maxiter": 2}
+        found, _ = scipy.sparse.linalg.gmres(operator, np.asarray(pull), **how)
+    else:
+        matrix = jnp.stack([back(unit)[1] for unit in units])
+        found = jnp.linalg.solve((units - matrix).T, pull)
+    return back(jnp.asarray(found, pull.dtype))[0]
 
 
 def attach_fixed_field(

@@ -18,10 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.sharding import NamedSharding
-from jaxtyping import Bool, Float, Inexact, Int
+from jaxtyping import Bool, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_positive, short
-from ..core.derivative import largest
 from ..core.display import shown
 from .devices import num_devices, put_on, sharding_on, whole_along
 from .transforms import to_field, to_spectrum
@@ -98,13 +97,6 @@ def half_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
     return (*shape[:-1], shape[-1] // 2 + 1)
 
 
-def coordinates(grid: Grid) -> tuple[Float[Array, "..."], ...]:
-    """Returns the coordinates x (and y) of the points [m], broadcastable to `grid.shape`."""
-    pairs = zip(grid.shape, grid.spacing, strict=True)
-    axes = [jnp.arange(n, dtype=grid.size.dtype) * step for n, step in pairs]
-    return tuple(jnp.meshgrid(*axes, indexing="ij", sparse=True))
-
-
 def mode_numbers(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     """Returns the integers k of q = 2π k/L on the half spectrum, broadcastable; Nyquist is +n/2."""
     # 0, 1, ..., n//2 and then the negative ones.
@@ -141,16 +133,6 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
     # The root has no derivative at 0, so the mean is 1 before it and 0 after it.
     zero = zero_mode(grid.shape)
     return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
-
-
-def rings(grid: Grid) -> tuple[Float[Array, " rings"], Int[Array, "*half"]]:
-    """Returns the outer edges [rad/m] of rings of |q|, and the ring of each mode."""
-    q = wavenumber(grid)
-    # The first ring holds the longest waves alone.
-    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), largest(q), max(grid.shape))
-    # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
-    ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
-    return edges, jnp.clip(ring, 0, len(edges) - 1)
 
 
 def nyquist_lines(shape: tuple[int, ...]) -> Bool[Array, "*half"]:

@@ -14,15 +14,7 @@ from typing import Literal, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..blocks.stack import (
-    Free,
-    GradedLayer,
-    HalfSpace,
-    Rigid,
-    Stack,
-    concatenated,
-    interface_depths,
-)
+from ..blocks.stack import GradedLayer, HalfSpace, Stack, concatenated, interface_depths
 from .column import AddGraded, Column, Face, Rule, Run, climb_through, column_of, face_in, in_rows
 from .slab import Compliance, Slab, factors, in_units, lower_face, reciprocal, release, upwards
 from .upwards import FULL, base_face
@@ -95,7 +87,7 @@ def _cut(stack, depth, side):
 
 def _with_base(column: Column) -> Column:
     """The column with its half space as one more layer: at a depth in it, its upper part is one."""
-    if isinstance(column.base, Rigid | Free):
+    if not isinstance(column.base, tuple):
         return column
     runs, (reduced, e) = column.runs, (part[None] for part in column.base)
     last = runs[-1] if runs else None
@@ -114,7 +106,7 @@ def _material(column, heights, place):
         run[2:4] if isinstance(run, Run) else [one[None] for one in run.moduli(heights[run.number])]
         for run in column.runs
     ]
-    if not isinstance(column.base, Rigid | Free):
+    if isinstance(column.base, tuple):
         parts.append([one[None] for one in column.base])
     moduli = [concatenated(rows, place.ndim) for rows in zip(*parts, strict=True)]
     here = place == in_rows(range(len(moduli[0])), place)

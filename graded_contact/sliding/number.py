@@ -208,7 +208,7 @@ class AbstractSliding(eqx.Module):
         """The numbers that are known."""
         return Kept()
 
-    def neighbours(self) -> Any:
+    def neighbours(self, /) -> Any:
         """Solves the contacts on coarser grids and with fewer times, see `Neighbours`."""
         raise NotImplementedError
 

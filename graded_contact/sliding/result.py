@@ -14,13 +14,13 @@ from ..core.display import shown
 from ..core.quantities import CYCLE, STEADY, TRANSIENT
 from ..fields.frequency import direction_and_speed
 from .case import HeatedContact
-from .errors import neighbours
+from .errors.neighbours import neighbours_of
 from .number import AbstractSliding
 from .numbers import contact as of_contact
 from .numbers import cycle, gap_flow, stiffness, warnings
 from .numbers import friction as of_friction
 from .problem import CycleProblem, Problem, SteadyProblem
-from .transient import errors as of_steps
+from .transient import numbers as of_steps
 from .transient_problem import TransientProblem
 
 
@@ -83,8 +83,7 @@ class Sliding(AbstractSliding):
     kernel = property(attrgetter("operator.kernel"))
     displacement = property(attrgetter("contact.displacement"))
 
-    def neighbours(self) -> neighbours.Neighbours:
-        return neighbours.neighbours_of(self)
+    neighbours = neighbours_of
 
     @property
     def directions(self) -> list[float]:
@@ -147,8 +146,7 @@ class CyclicSliding(AbstractSliding):
     moved = property(attrgetter("problem.moved"))
     motion_of_surface = property(attrgetter("problem.motion_of_surface"))
 
-    def neighbours(self) -> neighbours.Neighbours:
-        return neighbours.neighbours_of(self)
+    neighbours = neighbours_of
 
     @property
     def directions(self) -> list[Float[Array, "nt ..."]]:
@@ -218,8 +216,7 @@ class TransientSliding(AbstractSliding):
     displacement = property(attrgetter("contact.displacement"))  # at the kept times
     moved = property(attrgetter("problem.moved"))
 
-    def neighbours(self) -> neighbours.Neighbours:
-        return of_steps.neighbours_in_time(self)
+    neighbours = of_steps.neighbours_in_time
 
     @property
     def field_times(self) -> Float[Array, " kept"]:

@@ -13,15 +13,8 @@ from jaxtyping import PRNGKeyArray
 
 from ..core.checks import check_values, is_concrete, short
 from ..core.compilation import compiled
-from ..fields.grid import (
-    Grid,
-    mode_numbers,
-    nyquist_lines,
-    to_field,
-    wavenumber,
-    wavevector,
-    zero_mode,
-)
+from ..fields.grid import Grid, mode_numbers, nyquist_lines, wavenumber, wavevector, zero_mode
+from ..fields.transforms import to_field
 from .spectrum import narrowing, relative_density, rms_height_of
 from .spectrum_table import Spectrum, SpectrumTable
 from .surface import Surface

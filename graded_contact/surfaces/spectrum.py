@@ -19,16 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_type,
-    check_values,
-    is_concrete,
-    positive,
-    scalar,
-    short,
-)
+from ..core.checks import Numbers, as_float, check_type, check_values, is_concrete, positive, scalar
 from ..core.display import shown
 
 
@@ -160,10 +151,10 @@ def _lay(anisotropy: Any, angle: Any, roll_off: str) -> tuple[Any, Any]:
     """Peklenik's number and the angle of the lay, both or none."""
     if anisotropy is None:
         if angle is not None:
-            raise ValueError(f"`angle={short(angle)}` is refused without an `anisotropy`.")
+            raise ValueError(f"`angle={angle}` is refused without an `anisotropy`.")
         return None, None
     if roll_off != "smooth":
-        given = f"`anisotropy={short(anisotropy)}`"
+        given = f"`anisotropy={anisotropy}`"
         raise ValueError(f'{given} is refused with the sharp roll-off: pass `roll_off="smooth"`.')
     words = "Peklenik's number is from 1 to 10,000; `angle` is of the long direction"
     anisotropy = scalar("anisotropy", words, at_least=1, at_most=1e4)(anisotropy)

@@ -13,17 +13,10 @@ from jaxtyping import Float
 
 from ..core.checks import check_whole
 from ..core.compilation import compiled
-from ..core.derivative import root_or_zero
+from ..core.derivative import largest, root_or_zero
 from ..core.display import shown
 from ..fields.devices import binned
-from ..fields.grid import (
-    multiplicity,
-    nyquist_lines,
-    odd_wavevector,
-    rings,
-    to_spectrum,
-    wavenumber,
-)
+from ..fields.grid import multiplicity, nyquist_lines, odd_wavevector, to_spectrum, wavenumber
 from .spectrum_table import SpectrumTable
 from .surface import Surface, check_periodic
 
@@ -168,7 +161,12 @@ def slope_up_to(surface: Surface) -> tuple[Float[Array, " rings"], Float[Array, 
     """Returns wavenumbers [rad/m] and the rms slope [1] of the waves up to each of them."""
     grid = surface.grid
     power, scale = _modal_power(surface)
-    edges, ring = rings(grid)
-    x = jnp.where(nyquist_lines(grid.shape), 0, wavenumber(grid) / edges[0])
+    q = wavenumber(grid)
+    # Rings of |q|, of which the first holds the longest waves alone. Modes on an outer edge belong
+    # to the ring inside it: rounding must not expel them.
+    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), largest(q), max(grid.shape))
+    ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
+    ring = jnp.clip(ring, 0, len(edges) - 1)
+    x = jnp.where(nyquist_lines(grid.shape), 0, q / edges[0])
     squares = jnp.cumsum(binned(ring, x**2 * power, len(edges)))
     return edges, scale * edges[0] * root_or_zero(squares)

@@ -135,20 +135,24 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises():
     def image(slope, factor, x):
         return factor * (1 + slope * jnp.tanh(x * jnp.array([1.0, 0.5])))
 
+    def attached(slope, x):
+        return lambda factor: attach_fixed_point(lambda f, x: image(slope, f, x), factor, x)[0]
+
     @jax.jit
     def solve(slope):
         once = lambda x, state: (image(slope, 1.0, x), x)  # noqa: E731
         point = find_fixed_point(once, jnp.zeros(2), None, jnp.asarray(1e-12), jnp.asarray(1e3))
-        root = lambda f: attach_fixed_point(lambda f, x: image(slope, f, x), f, point.x)[0]  # noqa: E731
-        return (
-            point.x,
-            once(point.x, None)[0],
-            jax.grad(root)(1.0),
-            jax.jvp(root, (1.0,), (1.0,))[1],
-        )
+        root = attached(slope, point.x)
+        forward = jax.jvp(root, (1.0,), (1.0,))[1]
+        return point.x, once(point.x, None)[0], jax.grad(root)(1.0), forward
 
     for slope in (-0.9, 0.5, 0.99):
         x, again, backward, forward = solve(slope)
         np.testing.assert_allclose(again, x, rtol=1e-10)
         exact = x[0] / (1 - slope / np.cosh(x[0]) ** 2)
         np.testing.assert_allclose((backward, forward), exact, rtol=1e-9)
+        # Outside of `jit` by GMRES; the transpose alone may be inside.
+        back = jax.vjp(attached(slope, x), 1.0)[1]
+        np.testing.assert_allclose((back(1.0)[0], jax.jit(back)(1.0)[0]), exact, rtol=1e-5)
+        forward = jax.jvp(attached(slope, x), (1.0,), (1.0,))[1]
+        np.testing.assert_allclose(forward, exact, rtol=1e-9)

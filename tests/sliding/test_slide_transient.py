@@ -13,7 +13,7 @@ from graded_contact.kernels import window_kernel
 from graded_contact.kernels.memory import contour, node_count
 from graded_contact.materials import StrainSoftening
 from graded_contact.sliding import Case, dwell, ramp, recorded, start
-from graded_contact.sliding.transient.pose import transient_problem
+from graded_contact.sliding.transient.solve import transient_problem
 
 N = STEPS = 32  # of all solves: they share a program
 GRID = gc.Grid((N,), 1e-3)

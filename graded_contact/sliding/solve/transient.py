@@ -10,7 +10,7 @@ from ...core.checks import is_concrete
 from ...fields.devices import required
 from ..case import Case, Numerics
 from ..result import TransientSliding
-from ..transient.pose import solved, transient_problem
+from ..transient.solve import solved, transient_problem
 
 
 def solve_transient(case: Case, how: Numerics, fields_at: Sequence[int]) -> TransientSliding:

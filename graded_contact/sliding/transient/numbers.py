@@ -24,7 +24,7 @@ from ..number import Formula, Found, observable
 from ..numbers.contact import contact_area, mean_gap
 from ..numbers.cycle import mean_friction, peak_friction
 from ..numbers.friction import friction, load
-from .pose import on_grid
+from .solve import on_grid
 
 _LEAST_STEPS = 2  # of the transient solve in half as many
 _KEPT_BY_TIMES, _MEAN_BY_TIMES = 1.0, 0.15  # of the changes with half as many steps
