@@ -1,14 +1,12 @@
 """Surfaces, bodies and measures shared by the sections of `bench_contact.py`."""
 
-from functools import cache, partial
+from functools import cache
 from typing import NamedTuple
 
 import jax
 import numpy as np
-from rows import timed
 
 import graded_contact as gc
-from graded_contact.fields import transforms as _fft
 
 CELL = 1.0  # m
 Q0 = 2 * np.pi / CELL
@@ -91,19 +89,3 @@ def loosest(run, best, target, *, ratio=10**0.25, tries=16):
 def growth(sizes, counts):
     """The exponent of counts over sizes, by least squares in logarithms."""
     return np.polyfit(np.log(sizes), np.log(counts), 1)[0] if len(sizes) > 1 else np.nan
-
-
-@partial(jax.jit, static_argnames="count")
-def transform_pairs(field, count):
-    def pair(_, f):
-        return _fft.irfftn(_fft.rfftn(f), f.shape)
-
-    return jax.lax.fori_loop(0, count, pair, field)
-
-
-def bare_pair(n):
-    """Seconds of one FFT pair in a `lax` loop, with the backend the solver uses."""
-    count = max(4, 4 * (1024 // n) ** 2)
-    field = rough_surface(n).heights
-    jax.block_until_ready(transform_pairs(field, count))
-    return timed(lambda: transform_pairs(field, count), 3) / count

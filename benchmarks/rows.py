@@ -30,7 +30,6 @@ import graded_contact as gc
 jax.config.update("jax_enable_x64", True)
 gc.core.keep_freed_memory()
 
-ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
 MEASURED = "GRADED_CONTACT_MEASURED"  # of the environment
 ONLY_PRINT = "GRADED_CONTACT_ONLY_PRINT"

@@ -150,28 +150,6 @@ def gradient_compliance(exponent: float, poisson: float) -> tuple[float, float]:
     return force * wave, force
 
 
-def gradient_paraboloid(exponent: float, poisson: float, radius: float) -> tuple[float, ...]:
-    """Approach [m], load [N] and highest pressure [Pa] of R = 1 m on E = (z/c0)^k, exactly.
-
-    The pressure is p0 (1 - r²/a²)^((1+k)/2), the approach a²/((1+k)R).
-    """
-    k = exponent
-    approach = radius**2 / (1 + k)
-    shape = np.pi * radius ** (1 - k) * gamma((1 - k) / 2) * gamma((3 + k) / 2)
-    peak = approach / (gradient_compliance(k, poisson)[1] * shape)
-    return approach, 2 * np.pi * radius**2 * peak / (3 + k), peak
-
-
-def gradient_contact(
-    exponent: float, poisson: float, points: int = 128
-) -> tuple[float, float, float]:
-    """Load, highest pressure and radius on E = (z/c0)^k over those of `gradient_paraboloid`."""
-    approach, load, peak = gradient_paraboloid(exponent, poisson, 1.0)
-    stack = power_gradient(exponent, poisson, 1e3, 1e-5, gc.response.Layering(rtol=1e-6))
-    found = press(stack, ball(points, 4.0, 1.0), approach=approach)
-    return load_of(found) / load, float(jnp.max(found.pressure)) / peak, radius_of(found)
-
-
 JKR_RADIUS = 0.1  # of a sphere of radius 1 m and E* = 1 Pa without load [m]
 WORK = JKR_RADIUS**3 / (4.5 * np.pi)  # J/m²
 

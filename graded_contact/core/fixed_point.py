@@ -217,7 +217,7 @@ def attach_fixed_point(function: Callable, given: Any, x: Float[Array, " n"]) ->
 
 
 def _along(back: Callable, units: Array, changes: Any) -> Array:
-    """The change of a fixed point: derivatives of all unknowns serve both matrices."""
+    """The change of a fixed point: one derivative in reverse per unknown gives both matrices."""
     rows, matrix = zip(*map(back, units), strict=True)
     leaves = jax.tree.leaves(changes)
     moved = [sum(map(jnp.vdot, jax.tree.leaves(row), leaves)) for row in rows]

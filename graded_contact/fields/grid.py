@@ -1,4 +1,4 @@
-"""A periodic cell, its wavevectors, and transforms to the half spectrum.
+"""A periodic cell and its wavevectors; fields between grids.
 
 Axis 0 is x (the default direction of sliding), axis 1 is y. A field of shape `(nx, ny)` has the
 half spectrum `(nx, ny//2 + 1)` of `rfftn`; a one-dimensional cell `(nx,)` has `(nx//2 + 1,)`.

@@ -2,7 +2,7 @@
 
 Fields go as exp(iωt), so E = E' + iE'' with loss modulus E'' >= 0 for ω > 0 and
 E(-ω) = conj E(ω). Temperatures are in kelvin. A complex ω = -is stands for fields exp(st), as
-histories need them (`kernels/memory.py`): write your own law with iω, without |ω|.
+histories need them (`kernels/creep.py`): write your own law with iω, without |ω|.
 
 Sources: the generalised Maxwell solid and its creep form, N. W. Tschoegl, The Phenomenological
 Theory of Linear Viscoelastic Behavior, Springer (1989), doi:10.1007/978-3-642-73602-5; the creep

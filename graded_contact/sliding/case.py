@@ -35,7 +35,7 @@ from ..core.checks import (
 from ..core.display import shown
 from ..fields.frequency import as_velocity
 from ..fields.grid import Grid
-from ..kernels.memory import LONGEST
+from ..kernels.creep import LONGEST
 from ..kernels.window import has_ground
 from ..surfaces.surface import Surface, check_periodic
 from .motion.motion import check_closed, check_path, check_resolved

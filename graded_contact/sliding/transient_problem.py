@@ -13,7 +13,7 @@ from ..contacts.operators.operator import AbstractOperator
 from ..contacts.operators.window import Window
 from ..core.compilation import compiled
 from ..fields.grid import Grid, Waves, mode_numbers, to_field, to_spectrum, wavevector
-from ..kernels.memory import Creep
+from ..kernels.creep import Creep
 from ..kernels.periodic import quadrant
 from ..kernels.window import doubled, long_cell, without_images
 from .case import GROUND

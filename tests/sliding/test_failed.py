@@ -15,7 +15,6 @@ X = np.arange(16) / 16
 SURFACE = gc.Surface(1e-5 * np.cos(2 * np.pi * X) + 3e-6 * np.cos(6 * np.pi * X), GRID)
 RUBBER = gc.Prony(1e6, [1e7], [1e-3], 0.4, shift=gc.WLF(10.0, 50.0, 300.0))
 STACK = gc.Stack(base=gc.HalfSpace(RUBBER))
-HEATING = gc.sliding.Heating(conductivity=0.3, diffusivity=1e-7)
 PLAIN = gc.contacts.DouglasRachford(newton=False)  # compiles in two thirds of the time
 
 

@@ -29,7 +29,6 @@ RUBBER = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)
 COAT = gc.Prony(5e6, [1e7], [1e-3], 0.4)
 HALF_SPACE = gc.Stack(base=gc.HalfSpace(RUBBER))
 COATED = gc.Stack(layers=(gc.Layer(COAT, 2e-4),), base=gc.HalfSpace(RUBBER))
-RUBBER_HEAT = Heating(0.25, 1.1e-7)
 LOAD, VELOCITY = 4e5, np.array([0.3, 0.4])
 wavenumber_of_heat = jax.jit(thermal_wavenumber)
 

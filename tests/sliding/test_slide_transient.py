@@ -10,7 +10,7 @@ import graded_contact as gc
 from graded_contact import contacts
 from graded_contact.contacts import DouglasRachford
 from graded_contact.kernels import window_kernel
-from graded_contact.kernels.memory import contour, node_count
+from graded_contact.kernels.creep import contour, node_count
 from graded_contact.materials import StrainSoftening
 from graded_contact.sliding import Case, dwell, ramp, recorded, start
 from graded_contact.sliding.transient.solve import transient_problem

@@ -1,1 +1,1 @@
-"""From a case to its contact: steady, periodic, heated."""
+"""From a case to its contact: steady, periodic, transient, heated."""

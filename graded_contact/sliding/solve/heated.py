@@ -255,7 +255,7 @@ def _warm(bodies: tuple[Stack, ...], temperature, x, edges) -> tuple[list[Stack]
 def _rises(warm: _Warm, case: Case, edges) -> Array:
     """The mean rises over the contact of the surface and of the cells of each body [K]."""
     s = warm.steady
-    nodes, needed = _nodes(case.bodies, s.bodies[0], edges)
+    nodes, needed = _nodes(case.bodies, edges)
     source = heat_source(s, nodes[0][0], needed)
     given = case.heating, case.bodies, nodes, source, edges
     return _risen(warm.factor, warm.lost, s, *given)
@@ -263,7 +263,7 @@ def _rises(warm: _Warm, case: Case, edges) -> Array:
 
 @derivative_apart
 @compiled
-def _nodes(bodies, block: Stack, edges) -> tuple[list[tuple[Array, Array]], Array]:
+def _nodes(bodies: tuple[Stack, ...], edges) -> tuple[list[tuple[Array, Array]], Array]:
     """Depths and weights [m] of quadratures over each body, and whether those of a block count."""
     nodes = [gauss_within(body, edges) for body in bodies]
     return nodes, nodes[0][1] > 0

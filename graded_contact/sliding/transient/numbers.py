@@ -1,9 +1,9 @@
 """Numbers that only a transient motion has, recorded step by step, and the errors of all.
 
 Those by the grid follow from the transient solve on half the grid, as for other contacts, at each
-time. Those by the steps follow from the transient solve in half as many steps. Each step is of
-second order, so that a change is three times the error; but where the load or the motion begins at
-once it is of first order, as large as the change, which the error therefore contains whole.
+time. Those by the steps follow from the transient solve in half as many steps. Steps are of second
+order: their error is a third of the change. After a sudden load or motion it is the whole change,
+which the estimate therefore takes.
 """
 
 from functools import partial

@@ -24,7 +24,7 @@ from ...core.compilation import compiled, compiled_loop, varying
 from ...core.derivative import largest, still
 from ...core.memory import check_memory
 from ...fields.grid import Grid
-from ...kernels.memory import creep_of, node_count
+from ...kernels.creep import creep_of, node_count
 from ...materials.coverage import coverage
 from ..case import COUPLED, GROUND, Case, Numerics, facts_of
 from ..errors.neighbours import NEIGHBOURS_RTOL

@@ -5,7 +5,7 @@ grows linearly. In the frame of the block a wave of the pressure leaves the disp
 
     u_n = I(Δ)/Δ p_n + [J(Δ) - I(Δ)/Δ] p_(n-1) + Re Σ_k w_k M(s_k) exp(s_k Δ) y_k
 
-at the end of a step Δ (`kernels/memory.py`): the first term has a real and positive kernel, the
+at the end of a step Δ (`kernels/creep.py`): the first term has a real and positive kernel, the
 others are known. So each step is one ordinary contact of the heights less what is known, in the
 frame of the surface, started from the pressure before:
 
