@@ -203,7 +203,7 @@ def dugdale_pull_off(transition: float) -> float:
     return -float(minimize_scalar(lambda x: load(1 + np.exp(x)), bounds=(-12, 7)).fun)
 
 
-def closing_area(seed: int, points: int = 256, halvings: int = 7) -> float:
+def closing_area(seed: int, points: int = 128, halvings: int = 5) -> float:
     """The contact area at which the gap of a random elastic contact closes along x."""
     q = 2 * np.pi
     spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=4 * q, q_roll=4 * q, q_high=32 * q)

@@ -211,3 +211,9 @@ def test_an_adhesive_sphere_is_that_of_rings_between_dmt_and_jkr():
     exact = axisymmetric.adhesive_pull_off(0.5, rings=120)
     np.testing.assert_allclose(pull_off, exact, rtol=2e-2)  # 5e-3 with 64 points a side
     assert 1.5 < pull_off < 2
+
+
+def test_the_gap_closes_at_the_area_of_simulations():
+    """0.415 and 0.42 are published, for more waves and more points than here."""
+    areas = [published.closing_area(seed) for seed in range(3)]
+    assert np.mean(areas) == pytest.approx(0.42, abs=0.03)
