@@ -135,7 +135,7 @@ ELASTIC = gc.Elastic(0.75, 0.5)  # its reduced modulus is 1 Pa
 
 
 def attracted(heights, law, load, material=ELASTIC, cell=1.0):
-    """As many points as those of Johnson's wave: they share a program."""
+    """As many points as Johnson's wave has: they share a program."""
     surface = gc.Surface(heights, gc.Grid(128, cell))
     how = dict(pressure=load, velocity=0.0, law=law, rtol=1e-8)
     return gc.slide(gc.Stack(base=gc.HalfSpace(material)), surface, **how, **HOW)

@@ -3,7 +3,8 @@
 No file of this room knows layers.
 """
 
-from .law import AbstractLaw, AdhesiveLJ, ExponentialAdhesion, HardWall, RepulsiveLJ
+from .adhesion import AdhesiveLJ, ExponentialAdhesion
+from .law import AbstractLaw, HardWall, RepulsiveLJ
 from .operators.operator import AbstractOperator, Solid, Steady
 from .solution import RESULTS, ContactSolution
 from .solve import solve_contact

@@ -1,6 +1,6 @@
 """Heights as a file has them: arrays `[x, y]` of NumPy and HDF5, and files of instruments.
 
-Those of profilometers and microscopes are read by SurfaceTopography.
+SurfaceTopography reads the files of profilometers and microscopes.
 """
 
 import importlib

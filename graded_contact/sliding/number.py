@@ -13,7 +13,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Collection, Mapping
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,35 +29,16 @@ from ..core.derivative import derivative_apart
 from ..core.quantities import NUMBERS, TRANSIENT, Quantity
 from ..fields.grid import Grid
 from .case import HEATED, WINDOW
+from .limits import WARN_ABOVE, Above, NumberOf
 from .problem import Problem
 
 # What formulas take: a `Sliding`, a `CyclicSliding` or a `TransientSliding`.
 Found = Any
 Formula = Callable[[Found], Any]
-# Returns a number of a result by its name. It has any shape, and is NaN where a solve has none.
-NumberOf = Callable[[str], Any]
-
-WARN_ABOVE = 0.1  # the part of a number above which an error of it is warned of
-
 # The facts of the contacts that have errors by these causes.
 NEEDED = {"temperature": [HEATED], "kernel": [WINDOW]}
 REMEDIES = {"grid": "more points", "time": "more times", "memory": "a shorter motion"}
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
-
-
-class Above(NamedTuple):
-    """The limit of a number above which there is a warning.
-
-    **Fields:**
-
-    - `limit`: the largest number without a warning.
-    - `sentence`: the warning; `{value}` is the number; of several solves, the ends of their range.
-    - `of`: what is compared instead of the number itself.
-    """
-
-    limit: float
-    sentence: str
-    of: Callable[[NumberOf], Any] | None = None
 
 
 class Observable(property):
@@ -284,34 +265,16 @@ class AbstractSliding(eqx.Module):
         return warnings_of(type(self), lambda name: known.get(name, 0.0))
 
 
-class _Ends(NamedTuple):
-    """The smallest and the largest of some numbers; printed as one if they look alike."""
-
-    low: float
-    high: float
-
-    def __format__(self, form: str) -> str:
-        return " to ".join(dict.fromkeys(format(float(end), form) for end in self))
-
-
 def warnings_of(kind: type[AbstractSliding], number: NumberOf) -> tuple[str, ...]:
     """Returns the warnings about numbers of a class of results, in the order of prints.
 
     `number` returns a number of the result, or of a file of results, by its name; 0 if there is
     none.
     """
-    found, what = [], "times" if kind.kind == TRANSIENT else "solves"
-    for name, entry in observables_in(kind).items():
-        if (rule := entry.warns) is None:
-            continue
-        values = np.asarray(number(name) if rule.of is None else rule.of(number))
-        where = values > rule.limit
-        if np.any(where):
-            text = rule.sentence.format(value=_Ends(np.min(values[where]), np.max(values[where])))
-            if not np.all(where):
-                text += f" ({np.sum(where)} of {values.size} {what}.)"
-            found.append(text)
-    return tuple(found)
+    solves = "times" if kind.kind == TRANSIENT else "solves"
+    rules = [(name, entry.warns) for name, entry in observables_in(kind).items() if entry.warns]
+    sentences = (rule.warning(name, number, solves) for name, rule in rules)
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def total_of(parts: Array | dict[str, Array]) -> Array:

@@ -1,4 +1,4 @@
-"""The page without a browser: its numbers are those of the scene, moved, pinned and saved.
+"""The page without a browser: its numbers equal the scene, moved, pinned and saved.
 
 `gc.page` imports panel, which takes seconds: only where these tests run.
 """

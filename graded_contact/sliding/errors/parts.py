@@ -14,7 +14,8 @@ from ...contacts.estimates import error_of
 from ...contacts.operators.window import Window
 from ...fields.grid import interpolate
 from ..formulas import frictions, indicator_of, loaded, shared, slopes, touching
-from ..number import Found, NumberOf, value_of
+from ..limits import NumberOf
+from ..number import Found, value_of
 
 NO_FRICTION = 1e-12  # of the slope: friction below it is rounding
 _IDLE = 1e-3  # friction over slope below which a contact counts as without friction

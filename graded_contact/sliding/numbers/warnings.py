@@ -15,8 +15,9 @@ from ...materials.coverage import is_unknown, unknown_share
 from ..case import PERIODIC, WINDOW
 from ..energy import exchange, frequencies, losses, powers_of_traction
 from ..formulas import along_motion, counterface_displacement, displaced, loaded, shared, slopes
+from ..limits import WARN_ABOVE, Above, NumberOf
 from ..motion.motion import step_length
-from ..number import WARN_ABOVE, Above, Found, NumberOf, observable
+from ..number import Found, observable
 from ..transient_problem import TransientProblem, steps_of
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured

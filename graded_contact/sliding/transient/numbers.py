@@ -1,7 +1,7 @@
 """Numbers that only a transient motion has, recorded step by step, and the errors of all.
 
-Those by the grid follow from the transient solve on half the grid, as for other contacts, at each
-time. Those by the steps follow from the transient solve in half as many steps. Steps are of second
+Errors by the grid follow from the transient solve on half the grid, as for other contacts, at each
+time. Errors by the steps follow from the transient solve in half as many steps. Steps are of second
 order: their error is a third of the change. After a sudden load or motion it is the whole change,
 which the estimate therefore takes.
 """

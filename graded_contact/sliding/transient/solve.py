@@ -137,7 +137,7 @@ def _at(of_steps: dict[str, Array], chosen: tuple[int, ...]) -> dict[str, Array]
 
 def solved(problem: TransientProblem, how: Numerics, kept: tuple[int, ...]) -> dict[str, Any]:
     """Returns the fields of the result of a transient solve."""
-    # The program is that of all bodies.
+    # One program serves all bodies.
     same = dataclasses.replace(problem, bodies=(), measured_ranges=())
     contact, numbers, failed = _run(same, how, kept)
     return dict(
