@@ -1,4 +1,4 @@
-"""The page without a browser: its numbers equal the scene, moved, pinned and saved.
+"""The page without a browser: it has the numbers of its scene, and moves, pins and saves.
 
 `gc.page` imports panel, which takes seconds: only where these tests run.
 """

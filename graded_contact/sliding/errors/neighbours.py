@@ -146,7 +146,7 @@ def _solved(
 
 @compiled
 def _known(result: RESULTS, pressure: Array, displacement: Array, shift: Array) -> tuple:
-    """The pressure, NaN if the solve failed, and the displacement with the part by lagged traction."""
+    """The pressure, NaN if the solve failed, and the displacement with lagged traction."""
     # A number that is not known must not show a small change. What may be unstable on half the grid
     # is close to what the whole grid resolves.
     good = (result == RESULTS.successful) | (result == RESULTS.gap_unresolved)
